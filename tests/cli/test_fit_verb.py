@@ -479,6 +479,14 @@ def test_lengths_are_fitted_and_their_error_stands_by_itself(folder: Path) -> No
     assert after["rmse_um"] == after["length_rms_um"] == pytest.approx(2.0, abs=0.2)
 
 
+def test_a_model_is_not_written_under_the_name_of_a_table(folder: Path) -> None:
+    result = run(folder, "-o", str(folder / "model.csv"))
+    assert isinstance(result.exception, InputFileError)
+    assert "is the name of a table, and what is written is JSON" in str(result.exception)
+    assert "name it model.json" in str(result.exception)
+    assert not (folder / "model.csv").exists()
+
+
 @pytest.mark.parametrize("name", ["grid.csv", "machine.toml", "own.toml"])
 def test_an_input_is_never_replaced(folder: Path, name: str) -> None:
     before = (folder / name).read_bytes()

@@ -16,7 +16,7 @@ from geoerr.cli.main import app
 from geoerr.diagnose import compare, diagnose
 from geoerr.diagnose.change import add_effect, add_terms, remove_terms
 from geoerr.effects import catalogue
-from geoerr.errors import GeoerrError
+from geoerr.errors import GeoerrError, GeometryError
 from geoerr.fit import FitOptions, fit_model, fit_terms, result_of
 from geoerr.machine import Machine
 from geoerr.model import Model, load_model, write_model
@@ -347,3 +347,9 @@ def test_a_fit_of_other_measurements_is_not_known(observations: Observations) ->
     for tables in ([other], [observations, other]):
         with pytest.raises(GeoerrError, match="known: this is a fit of other measurements"):
             add_effect(fit.model, *tables, reference="backlash:x", known=fit)
+
+
+def test_one_row_is_too_little_to_add_anything() -> None:
+    table = observations_from_columns({name: [float(k)] for k, name in enumerate(("x", "y", "z", "mx", "my", "mz"))})
+    with pytest.raises(GeometryError, match="3 numbers in 1 row leave nothing over"):
+        add_effect(Model(MACHINE), table, reference="scale:x")

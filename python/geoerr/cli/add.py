@@ -17,7 +17,7 @@ from geoerr.cli.options import (
     RigFile,
     Threads,
     calibration,
-    check_output,
+    check_result_output,
     effects_of,
     examples,
     files_given,
@@ -68,7 +68,7 @@ def add(
 
     paths, reference = observations_and_reference(arguments)
     inputs = files_given(model, paths, effects, rig)
-    check_output(output, inputs)
+    check_result_output(output, inputs)
     start = load_model(model)
     own = effects_of(effects)
     with progress_bar("add", quiet, says_steps=True) as advance:

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from geoerr.cli.options import JsonFlag, QuietFlag, Threads, check_output, examples, note, print_json, session_files
+from geoerr.cli.options import (
+    JsonFlag,
+    QuietFlag,
+    Threads,
+    check_result_output,
+    examples,
+    note,
+    print_json,
+    session_files,
+)
 from geoerr.cli.progress import progress_bar
 from geoerr.cli.text_tables import say
 
@@ -46,7 +55,7 @@ def calibrate_session(
     from geoerr.vision.session import read_session
 
     session = read_session(session_folder)
-    check_output(output, session_files(session))
+    check_result_output(output, session_files(session))
     with progress_bar("looking for the board", quiet) as advance:
         calibration = calibrate(session, threads=threads, progress=advance)
     write_rig(output, calibration.rig)

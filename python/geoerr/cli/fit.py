@@ -18,7 +18,7 @@ from geoerr.cli.options import (
     RigFile,
     Threads,
     calibration,
-    check_output,
+    check_result_output,
     examples,
     files_given,
     note,
@@ -90,7 +90,7 @@ def fit(
 
     effect_files = effects or []
     inputs = files_given(observations, machine, effect_files, rig)
-    check_output(output, inputs)
+    check_result_output(output, inputs)
     described = read_machine(machine)
     measured = read_measurements(observations, ranges_mm=described.ranges_mm)
     sensitivity, covariance = calibration(rig, measured.points)

@@ -15,7 +15,7 @@ from geoerr.cli.options import (
     RigFile,
     Threads,
     calibration,
-    check_output,
+    check_result_output,
     examples,
     files_given,
     note,
@@ -96,7 +96,7 @@ def identify(
     from geoerr.report.provenance import provenance_of_command
 
     inputs = files_given(observations, machine, rig)
-    check_output(output, inputs)
+    check_result_output(output, inputs)
     described = read_machine(machine)
     measured = read_measurements(observations, ranges_mm=described.ranges_mm)
     sensitivity, covariance = calibration(rig, measured.points)

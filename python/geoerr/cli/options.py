@@ -119,6 +119,28 @@ def effects_of(files: Sequence[Path] | None) -> list[Effect]:
     return [effect for path in files or [] for effect in load_effects(path)]
 
 
+# What a name that ends so promises; results are written as JSON.
+_NO_JSON = {
+    ".csv": "a table",
+    ".parquet": "a table",
+    ".toml": "a description",
+    ".html": "a page",
+    ".gcode": "a program",
+}
+
+
+def check_result_output(output: Path | None, inputs: Sequence[Path]) -> None:
+    """Refuse what `check_output` does, and a name that promises something else than JSON."""
+    check_output(output, inputs)
+    what = None if output is None else _NO_JSON.get(output.suffix.lower())
+    if output is not None and what is not None:
+        raise InputFileError(
+            output,
+            f"is the name of {what}, and what is written is JSON",
+            remedy=f"name it {output.with_suffix('.json').name}",
+        )
+
+
 def check_output(output: Path | None, inputs: Sequence[Path], *others: Path | None) -> None:
     """Refuse an output that would replace an input or another output, under whatever name, or that can be no file."""
     if output is None:

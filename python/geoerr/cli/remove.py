@@ -16,7 +16,7 @@ from geoerr.cli.options import (
     RigFile,
     Threads,
     calibration,
-    check_output,
+    check_result_output,
     examples,
     files_given,
 )
@@ -54,7 +54,7 @@ def remove(
 
     paths, reference = observations_and_reference(arguments)
     inputs = files_given(model, paths, rig)
-    check_output(output, inputs)
+    check_result_output(output, inputs)
     start = load_model(model)
     with progress_bar("remove", quiet, says_steps=True) as advance:
         advance.say("reading the measurements")

@@ -165,7 +165,7 @@ def fit_terms(
         sightings,
         positions,
     )
-    if options.components != "none" and not math.isfinite(fitted.scale):
+    if (options.components != "none" or effects) and not math.isfinite(fitted.scale):
         measured = f"{counted(int(sightings.is_measured.sum()), 'number')} in {counted(len(sightings), 'row')}"
         raise GeometryError(
             f"{measured} leave nothing over beside what they are to tell\n"
