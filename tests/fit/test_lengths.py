@@ -247,6 +247,15 @@ def _rms_um(table: Lengths) -> float:
     return float(1e3 * np.sqrt(np.mean(off**2)))
 
 
+def test_few_lengths_that_are_far_off_are_not_passed_over() -> None:
+    """Two causes at once in twelve lengths: a search takes the one for the noise of the other."""
+    off = diagnose(Model(MACHINE), plate(skewed(2.1e-3, 1.6e-3, -4e-4), 0.02, 2, 4))
+    right = diagnose(Model(MACHINE), plate(skewed(0.0, 0.0, 0.0), 0.02, 2, 4))
+    words = "the lengths are off by far more than they scatter when they are measured again"
+    assert bool(off.found) != any(words in note for note in off.notes)
+    assert not any(words in note for note in right.notes)
+
+
 def test_effects_are_added_and_removed_with_lengths() -> None:
     table = plate(skewed(2e-3, 1e-3, 0.0), 0.01, 3, 4)
     added = add_effect(Model(MACHINE), table, reference="squareness:xy").result

@@ -33,6 +33,8 @@ _SPOKEN = 3
 # their scatter beyond; and by stated uncertainties, which say nothing of what drifts.
 _FAR_OFF, _STANDARD_ERRORS = 1.25, 3.0
 _FAR_OFF_AS_STATED = 2.0
+# So much more than their scatter lengths leave by chance seldom enough.
+_NOT_BY_CHANCE = 1e-3
 _OTHER_DATA = (
     "the model's numbers come from other data: where the cause acted there already they hold a part of it, and its "
     "image is what is seen here"
@@ -92,6 +94,7 @@ def notes_of(
         )
     said += [
         *([] if has_found or is_held else _not_carried_over(fitted)),
+        *([] if has_found else _more_than_lengths_scatter(fitted)),
         *fitted.sightings.notes,
         *_odd_times(fitted.sightings),
         *_gaps(fitted.sightings, has_unread=has_unread),
@@ -142,6 +145,22 @@ def _not_carried_over(fitted: Fitted) -> list[str]:
         f"held-out rows are off by {is_um:.3g} µm where a right model would be by {expected_um:.3g}, {by}: "
         "the errors' curves follow what is no smooth error of an axis, or the rows have too few places to hold them; "
         "measure at more places, also between these"
+    ]
+
+
+def _more_than_lengths_scatter(fitted: Fitted) -> list[str]:
+    """Say where nothing was found in a few lengths, and yet they are off by far more than they scatter.
+
+    A search reckons what is left as noise until it knows what it is, and of few lengths much is left; but they share no
+    drift and no offset, so that their own scatter tells noise from the rest.
+    """
+    p_value = fitted.split.lack_of_fit_p
+    if not fitted.sightings.has_lengths_only or p_value is None or p_value > _NOT_BY_CHANCE:
+        return []
+    by = "they scatter when they are measured again" if fitted.split.is_from_repeats else "their uncertainties allow"
+    return [
+        f"the lengths are off by far more than {by} (p = {p_value:.1g}): something is missing, and these are too few "
+        "to say what; measure more of them, at other places and in other directions, or fit what you suspect"
     ]
 
 

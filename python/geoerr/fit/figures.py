@@ -71,7 +71,7 @@ def figures_of(sightings: Sightings, residual_base_mm: Numbers, used: np.ndarray
     """Summarize residuals (n, 3) in base axes, of whole lengths, over the used rows."""
     # Parts of the data are asked for by the thousand: each takes its own rows only.
     rows = np.arange(len(sightings)) if used is None else np.flatnonzero(used)
-    is_circle, of_lengths = (sightings.of_kind(kind)[rows] for kind in ("circle", "lengths"))
+    is_circle, of_lengths = (sightings.of_kind(kind, rows=rows) for kind in ("circle", "lengths"))
     residual_mm = residual_base_mm[rows]
     is_measured = is_told(sightings)[rows]
     seen = is_measured & ~(is_circle | of_lengths)[:, None]

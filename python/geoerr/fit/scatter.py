@@ -176,7 +176,7 @@ def _windows(table: Sightings, size: int) -> list[_Window]:
     steps = np.diff(table.commanded_mm[rows], axis=1)
     lengths = np.linalg.norm(steps, axis=2)
     path, chord = lengths.sum(axis=1), np.linalg.norm(steps.sum(axis=1), axis=1)
-    is_circle = table.of_kind("circle")[rows[:, 0]]
+    is_circle = table.of_kind("circle", rows=rows[:, 0])
     bend = np.where(is_circle, _ON_A_CIRCLE, _STRAIGHT)
     is_straight = (lengths > SAME_POSITION_MM).all(axis=1) & (chord >= (1.0 - bend) * path)
     along = np.cumsum(np.maximum(lengths, SAME_POSITION_MM), axis=1)

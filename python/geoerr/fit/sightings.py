@@ -131,9 +131,9 @@ class Sightings:
         alike, place = np.unique(flat[begins], axis=0, return_inverse=True)
         return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[place.ravel()[np.cumsum(begins) - 1]])
 
-    def of_kind(self, *kinds: str) -> npt.NDArray[np.bool_]:
-        """Tell which rows (n,) are of sessions of these kinds."""
-        return np.array([kind in kinds for kind in self.frames], dtype=bool)[self.session]
+    def of_kind(self, *kinds: str, rows: np.ndarray | slice = slice(None)) -> npt.NDArray[np.bool_]:
+        """Tell which rows (n,), or which of some of them, are of sessions of these kinds."""
+        return np.array([kind in kinds for kind in self.frames], dtype=bool)[self.session[rows]]
 
     def in_words(self, *, grouped: bool = False) -> str:
         """Say how much was measured, `240 rows in 12 passes, 18 lengths`; with digits in groups if asked."""
