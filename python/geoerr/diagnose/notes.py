@@ -151,8 +151,8 @@ def _not_carried_over(fitted: Fitted) -> list[str]:
 def _more_than_lengths_scatter(fitted: Fitted) -> list[str]:
     """Say where nothing was found in a few lengths, and yet they are off by far more than they scatter.
 
-    A search reckons what is left as noise until it knows what it is, and of few lengths much is left; but they share no
-    drift and no offset, so that their own scatter tells noise from the rest.
+    A search reckons what is left as noise until it knows what it is, and of few lengths much is left. But they share
+    no drift and no offset, so that their own scatter tells noise from the rest.
     """
     p_value = fitted.split.lack_of_fit_p
     if not fitted.sightings.has_lengths_only or p_value is None or p_value > _NOT_BY_CHANCE:
