@@ -11,6 +11,7 @@ import pytest
 from fit_scenes import cubic_truth, seen
 from virtual_machine import LENGTH_MM, camera, machine_of, place
 
+from geoerr.budget import uncertainty_budget
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import add_effect, remove_terms
 from geoerr.diagnose.comparison import compare
@@ -254,6 +255,19 @@ def test_few_lengths_that_are_far_off_are_not_passed_over() -> None:
     words = "the lengths are off by far more than they scatter when they are measured again"
     assert bool(off.found) != any(words in note for note in off.notes)
     assert not any(words in note for note in right.notes)
+
+
+def test_sides_that_are_alike_are_no_copies_and_copies_are_told() -> None:
+    """Four sides of one length share their corners; the same table twice is one measurement."""
+    table = Lengths(plate(skewed(0.0, 0.0, 0.0)).frame.drop("repeat"))
+    assert not [note for note in sightings_of(table).notes if "counts twice" in note]
+    twice = Lengths(pl.concat([table.frame] * 2))
+    assert [note for note in sightings_of(twice).notes if "counts twice" in note]
+
+
+def test_repeats_of_lengths_are_no_repeatability_of_points() -> None:
+    fit = fit_model(MACHINE, plate(skewed(1e-3, 0.0, 0.0), 0.02, 3, 6), components="none", effects=EFFECTS)
+    assert all("repeat" not in one.name for one in uncertainty_budget(fit).sources)
 
 
 def test_effects_are_added_and_removed_with_lengths() -> None:

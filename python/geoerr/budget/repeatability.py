@@ -11,7 +11,7 @@ import numpy.typing as npt
 from geoerr.budget.source import Source
 from geoerr.fit import Fitted
 from geoerr.fit.noise import repeats_of
-from geoerr.fit.sightings import SAME_POSITION_MM
+from geoerr.fit.sightings import SAME_POSITION_MM, SEE_POSITIONS
 from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers
 from geoerr.observations import CARRIERS
@@ -72,7 +72,7 @@ def _stated_variance(fitted: Fitted) -> Numbers:
 def _by_moving_axes(fitted: Fitted) -> Iterator[npt.NDArray[np.bool_]]:
     """Give the rows (n,) of positions that count, by the axes that moved the target in their pass."""
     sightings, machine = fitted.sightings, fitted.machine
-    is_circle = np.array([kind == "circle" for kind in sightings.frames])[sightings.session]
+    sees_positions = sightings.of_kind(*SEE_POSITIONS)
     carries = {"tool": machine.tool_axes, "work": machine.work_axes, "relative": "".join(AXES)}
     is_carried = np.zeros((len(sightings), 3), dtype=np.bool_)
     for carrier, axes in carries.items():
@@ -84,4 +84,4 @@ def _by_moving_axes(fitted: Fitted) -> Iterator[npt.NDArray[np.bool_]]:
     kinds = (moving & is_carried) @ np.array([1, 2, 4])
     wanted = [7] if (kinds == 7).any() else [kind for kind in np.unique(kinds).tolist() if kind]
     for kind in wanted:
-        yield fitted.solved.used & ~is_circle & (kinds == kind)
+        yield fitted.solved.used & sees_positions & (kinds == kind)

@@ -174,13 +174,15 @@ def _named(comparison: Comparison, rows: Sequence[int], places: Mapping[int, str
     fitted = comparison.points
     sightings = fitted.sightings
     lines = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
-    is_circle = [sightings.frames[number] == "circle" for number in sightings.session]
+    is_circle, is_length = sightings.of_kind("circle"), sightings.of_kind("lengths")
     for row in rows:
         at = ",\u00a0".join(f"{value:g}" for value in sightings.commanded_mm[row]).replace("-", "−")
         seen = sightings.is_measured[row]
         values = [value if known else math.nan for value, known in zip(fitted.residual_mm[row], seen, strict=True)]
         if is_circle[row]:
             off = f"radius {_signed(1e3 * values[0], 1)} µm"
+        elif is_length[row]:
+            off = f"length {_signed(1e3 * values[0], 1)} µm"
         else:
             off = (
                 "off by ("
@@ -226,11 +228,12 @@ def places_of(comparison: Comparison, measured: Measurements) -> dict[int, str]:
     left_out = np.flatnonzero(~comparison.fitted.solved.used).tolist()
     file_rows = sightings.numbers("file_row")
     numbers = [sightings.numbers(name) for name in ("x", "y", "z", "mx", "my", "mz")]
-    is_circle = [sightings.frames[number] == "circle" for number in sightings.session]
+    of_no_points = {"circle": "the circle", "lengths": "the lengths"}
+    kinds = [of_no_points.get(sightings.frames[number]) for number in sightings.session]
     return {
-        row: f"row {int(file_rows[row])} of the circle"
-        if is_circle[row]
-        else measured.place(int(file_rows[row]), [values[row] for values in numbers])
+        row: measured.place(int(file_rows[row]), [values[row] for values in numbers])
+        if kinds[row] is None
+        else f"row {int(file_rows[row])} of {kinds[row]}"
         for row in (*comparison.worst[:_MOST_NAMED].tolist(), *left_out[:_MOST_NAMED])
     }
 
@@ -238,9 +241,6 @@ def places_of(comparison: Comparison, measured: Measurements) -> dict[int, str]:
 def print_notes(comparison: Comparison, measured: Measurements, quiet: bool) -> None:
     """Say on standard error what took no part."""
     note_set_aside(measured.set_aside, quiet)
-    if comparison.fitted is not None:
-        note_left_out(comparison.fitted.sightings.left_out, quiet)
-        for sentence in comparison.fitted.sightings.notes:
-            note(f"note: {sentence}", quiet)
-    if comparison.lengths is not None and comparison.lengths.n_lacking:
-        note(f"left out: {counted(comparison.lengths.n_lacking, 'length')} (a condition is empty)", quiet)
+    note_left_out(comparison.whole.sightings.left_out, quiet)
+    for sentence in comparison.whole.sightings.notes:
+        note(f"note: {sentence}", quiet)

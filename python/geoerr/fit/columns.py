@@ -8,7 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.fit.sightings import Numbers
-from geoerr.observations import CIRCLE_COLUMNS, COVARIANCE, POINT_COLUMNS, STANDARD_UNCERTAINTY, Observations
+from geoerr.observations import (
+    CIRCLE_COLUMNS,
+    COVARIANCE,
+    LENGTH_COLUMNS,
+    POINT_COLUMNS,
+    STANDARD_UNCERTAINTY,
+    Observations,
+)
 from geoerr.spelling import meant
 from geoerr.summaries import counted, listed
 from geoerr.terms import CLOCK_NAME, PLACE_NAMES, RAW_VARIABLES
@@ -16,8 +23,8 @@ from geoerr.terms import CLOCK_NAME, PLACE_NAMES, RAW_VARIABLES
 # Places of the components that each element of a covariance belongs to, in the order of `COVARIANCE`.
 _OF_COVARIANCE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 # Variables of formulas that geoerr works out itself, whatever column has their name.
-_WORKED_OUT = RAW_VARIABLES - {*POINT_COLUMNS.columns, *CIRCLE_COLUMNS.columns}
-_KNOWN = frozenset({*POINT_COLUMNS.columns, *CIRCLE_COLUMNS.columns})
+_KNOWN = frozenset({*POINT_COLUMNS.columns, *CIRCLE_COLUMNS.columns, *LENGTH_COLUMNS.columns})
+_WORKED_OUT = RAW_VARIABLES - _KNOWN
 # Of names of so many letters one that agrees this well is a slip; a short one may be anybody's.
 _LONG_ENOUGH, _SLIP = 5, 0.85
 _LONG = frozenset(name for name in _KNOWN if len(name) >= _LONG_ENOUGH)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import polars as pl
 
+from geoerr.fit.lengths import other_ends_mm
 from geoerr.fit.sightings import Integers, Sightings
 from geoerr.summaries import counted, place_of_row
 
@@ -76,6 +77,8 @@ def _readings(sightings: Sightings) -> Integers:
     is_timed = np.isfinite(time_s)
     when = np.where(is_timed, time_s, np.nan_to_num(sightings.numbers("repeat")))
     held = (
+        # A corner is an end of several lengths, which may be alike.
+        other_ends_mm(sightings),
         *(sightings.commanded_mm, sightings.offset_mm, sightings.measured_mm, sightings.is_measured),
         *(sightings.carrier, sightings.session, is_timed, when),
     )

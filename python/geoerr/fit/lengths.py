@@ -100,6 +100,14 @@ def other_ends(sightings: Sightings) -> tuple[np.ndarray, np.ndarray]:
     return both[:, 0], both[:, 1]
 
 
+def other_ends_mm(sightings: Sightings) -> Numbers:
+    """Give where the other end of each end of a length was commanded, (n, 3), and 0 in other rows."""
+    places = np.zeros((len(sightings), 3))
+    first, second = sightings.once("ends of lengths", other_ends)
+    places[first], places[second] = sightings.commanded_mm[second], sightings.commanded_mm[first]
+    return places
+
+
 def is_told(sightings: Sightings) -> npt.NDArray[np.bool_]:
     """Tell which numbers (n, 3) were measured, each length once: at its second end."""
     if "lengths" not in sightings.frames:

@@ -16,7 +16,7 @@ import scipy
 
 from geoerr.column_names import is_temperature
 from geoerr.fit.alike import numbers_of_alike
-from geoerr.fit.lengths import of_the_headline, other_ends
+from geoerr.fit.lengths import of_the_headline, other_ends_mm
 from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import times_s
@@ -161,16 +161,9 @@ def _places(sightings: Sightings) -> list[np.ndarray]:
         sightings.session[:, None].astype(np.float64),
         # At the place where a circle is run back both senses have one derived direction.
         np.nan_to_num(sightings.numbers("dir"))[:, None],
-        _other_ends_mm(sightings),
+        # Corners are shared.
+        np.round(other_ends_mm(sightings) / SAME_POSITION_MM),
     ]
-
-
-def _other_ends_mm(sightings: Sightings) -> Numbers:
-    """Give the place of the other end of each end of a length, (n, 3), rounded, and else 0: corners are shared."""
-    places = np.zeros((len(sightings), 3))
-    first, second = sightings.once("ends of lengths", other_ends)
-    places[first], places[second] = sightings.commanded_mm[second], sightings.commanded_mm[first]
-    return np.round(places / SAME_POSITION_MM)
 
 
 def _condition_columns(sightings: Sightings) -> list[str]:

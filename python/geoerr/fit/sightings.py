@@ -173,7 +173,8 @@ class Sightings:
     def select(self, mask: npt.ArrayLike, why: str) -> Sightings:
         """Give the rows where `mask` (n,) is true; the others are counted under the reason."""
         kept = np.asarray(mask, dtype=bool)
-        out = int((~kept).sum())
+        # A length is two rows, and counts once.
+        out = int((~kept).sum()) - int((self.of_kind("lengths") & ~kept).sum()) // 2
         return replace(
             self,
             table=self.table.filter(pl.Series(kept)),
