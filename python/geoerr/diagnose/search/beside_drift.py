@@ -15,7 +15,7 @@ from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, evidence_of, freedom_of, scanned_best
 from geoerr.diagnose.search.look import Round
-from geoerr.diagnose.search.settle import settle
+from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.space import Space
 from geoerr.distributions import f_log_sf
 from geoerr.fit.sightings import Numbers
@@ -102,10 +102,16 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
 
 
-def gain_beside_drift(bench: Bench, added: Sequence[Numbers], columns: Numbers) -> float:
-    """Give twice what columns (n, 3, k) add to the logarithm of the likelihood, the noise anew with and without."""
-    with_them = _log_likelihood(bench.sums([*added, columns]), bench)
-    return max(2.0 * (with_them - _log_likelihood(bench.sums(added), bench)), 0.0)
+def is_beside_drift(bench: Bench, space: Space, added: Sequence[Numbers], judged: Judged, settled: Settled) -> bool:
+    """Tell whether the likelihood speaks for what was found beside these, the noise anew with and without it.
+
+    As clearly as a function of time has to be spoken for to be found.
+    """
+    columns = settled.raw[:, :, : judged.rank]
+    with_it = _log_likelihood(bench.sums([*added, columns]), bench)
+    gain = np.array([2.0 * (with_it - _log_likelihood(bench.sums(added), bench))])
+    evidence = evidence_of(space, gain, np.array([judged.rank]), judged.what.n_trials)
+    return float(evidence[0]) > _LEAST_BESIDE_DRIFT
 
 
 def _log_likelihood(sums: NoiseSums, bench: Bench) -> float:

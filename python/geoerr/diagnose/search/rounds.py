@@ -16,7 +16,7 @@ from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search.alike import at_likeliest_period
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.beside_drift import beside_drift, gain_beside_drift
+from geoerr.diagnose.search.beside_drift import beside_drift, is_beside_drift
 from geoerr.diagnose.search.beside_each import BesideEach
 from geoerr.diagnose.search.best_form import at_its_values, beside_others, in_best_form
 from geoerr.diagnose.search.coherence import is_one_wave
@@ -483,10 +483,10 @@ def _without_superfluous(bench: Bench, found: list[Found], aside: list[Numbers])
         space = bench.space(others)
         one = found[place]
         scanned = bench.scanner(space).exact(one.settled.shapes)
-        gain = scanned.gain
-        if one.judged.noise is not None:
-            # What a drift can swallow is judged here, too, with the drift estimated anew beside it.
-            gain = np.maximum(gain, gain_beside_drift(bench, others, one.settled.raw))
-        if float(evidence_of(space, gain, scanned.rank, one.judged.what.n_trials)[0]) <= 0.0:
+        is_worth_it = float(evidence_of(space, scanned.gain, scanned.rank, one.judged.what.n_trials)[0]) > 0.0
+        # What a drift can swallow is judged with the drift estimated anew, here as where it was found.
+        if not is_worth_it and one.judged.noise is not None:
+            is_worth_it = is_beside_drift(bench, space, others, one.judged, one.settled)
+        if not is_worth_it:
             return [other for number, other in enumerate(found) if number != place]
     return found
