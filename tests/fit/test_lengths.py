@@ -16,7 +16,7 @@ from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import add_effect, remove_terms
 from geoerr.diagnose.comparison import compare
 from geoerr.errors import GeometryError
-from geoerr.fit import FitResult, fit_model, sightings_of
+from geoerr.fit import FitResult, Sightings, fit_model, sightings_of
 from geoerr.machine import Machine
 from geoerr.model import Model
 from geoerr.observations import CircularTest, Lengths
@@ -177,7 +177,37 @@ def test_lengths_that_state_nothing_are_as_sure_as_the_points_beside_them() -> N
     )
     sightings = sightings_of(points, plate(skewed(0.0, 0.0, 0.0)))
     assert any("lengths state no uncertainty (column s_measured, mm)" in note for note in sightings.notes)
-    np.testing.assert_allclose(sightings.whitening[sightings.of_kind("lengths"), 0, 0], 500.0)
+    assert std_of_lengths_mm(sightings) == pytest.approx(0.002)
+    # Those that were measured again tell their own.
+    again = sightings_of(points, plate(skewed(0.0, 0.0, 0.0), 0.03, 4))
+    assert std_of_lengths_mm(again) == pytest.approx(0.03, rel=0.4)
+    assert any("they got what they scatter when they are measured again" in note for note in again.notes)
+
+
+def std_of_lengths_mm(sightings: Sightings) -> float:
+    """What lengths are weighed by, of two ends that are independent."""
+    return float(np.sqrt(2.0) / np.median(sightings.whitening[sightings.of_kind("lengths"), 0, 0]))
+
+
+def test_lengths_and_radii_that_state_nothing_are_weighed_by_what_each_scatters() -> None:
+    """A ball bar of a micrometre beside a calliper of twenty: alike they would be as wrong as they differ."""
+    deviations, p_values = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        skew, kx, ky = rng.normal(0.0, 1e-3, 3)
+        made = skewed(skew, kx, ky)
+        angle = np.tile(np.linspace(0.0, 2.0 * np.pi, 121)[:-1], 2)
+        flat = np.column_stack([150.0 + 50.0 * np.cos(angle), 150.0 + 50.0 * np.sin(angle), 0.0 * angle])
+        centre = made(np.array([150.0, 150.0, 0.0]))
+        radius = np.array([float(np.linalg.norm(made(p) - centre)) for p in flat]) + 1e-3 * rng.standard_normal(240)
+        columns = {"line": "c", **{name: flat[:, i] for i, name in enumerate("xyz")}, "r": radius}
+        circle = CircularTest(pl.DataFrame({**columns, "repeat": np.repeat([0, 1], 120)}))
+        result = fit_model(MACHINE, circle, plate(made, 0.02, 3, seed), components="none", effects=EFFECTS)
+        found, error = sizes(result)
+        deviations.append((found - np.array([kx, ky, skew])) / error)
+        p_values.append(result.fitted.split.lack_of_fit_p)
+    assert np.abs(np.std(deviations, axis=0) - 1.0).max() < 0.35
+    assert 0.02 < np.mean(np.array(p_values, dtype=float) < 0.5) < 0.98
 
 
 def test_a_temperature_while_the_part_was_made_is_followed() -> None:
@@ -295,5 +325,77 @@ def test_own_data_are_known_by_what_was_measured() -> None:
     other = plate(skewed(1e-3, 0.0, 0.0), 0.02, 2, 7)
     held = compare(model, other)
     assert held.freedom == "held"
-    # Of the model's own doubt the other part's figure is the larger.
-    assert held.expected_rmse_um > held.whole.split.noise_um
+    # By the model's own doubt the other part's figure is the larger: g'Σg of each length, by differences.
+    ends = [np.ascontiguousarray(other.frame.select(f"x{end}", f"y{end}", f"z{end}").to_numpy()) for end in (1, 2)]
+
+    def predicted(step: np.ndarray) -> Array:
+        terms = [
+            term.with_values([term.coefficients[0].value + change])
+            for term, change in zip(model.terms, step, strict=True)
+        ]
+        made = [Model(MACHINE, terms=tuple(terms)).tool_from_work(own) for own in ends]
+        return np.linalg.norm(made[1] - made[0], axis=1)
+
+    gradient = np.column_stack([(predicted(1e-6 * one) - predicted(-1e-6 * one)) / 2e-6 for one in np.eye(3)])
+    doubt_mm2 = float(np.mean(np.einsum("nj,jk,nk->n", gradient, model.record.covariance, gradient)))
+    noise_um = held.whole.split.noise_um
+    assert noise_um is not None
+    assert held.expected_rmse_um == pytest.approx(np.sqrt(noise_um**2 + 1e6 * doubt_mm2), rel=1e-3)
+
+
+def test_what_is_found_is_held_out_as_a_fit_says() -> None:
+    table = lengths(anywhere(30, 2) * 2, leaning_column, 0.02, 2)
+    (first, *_) = diagnose(Model(MACHINE), table).found
+    figures = fit_model(MACHINE, table, components="none", effects=["squareness:xz"]).fitted.held_out.figures
+    assert figures is not None
+    assert first.held_out_rmse_after_um == pytest.approx(figures.length_rms_um, rel=0.02)
+
+
+def test_lengths_are_searched_beside_points_whose_directions_are_known() -> None:
+    """A lean that points along one line do not show: the lengths beside them do, no row is left out, and a note says
+    that the lengths alone tell more.
+    """
+    rng = np.random.default_rng(2)
+    place = np.concatenate([np.linspace(0.0, LENGTH_MM, 15), np.linspace(LENGTH_MM, 0.0, 15)])
+    line = [("relative", np.array([x, 100.0, 50.0]), (0.0, 0.0, 0.0)) for x in place] * 3
+    right = cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0)
+    points = seen(
+        *(machine_of("wYbXZt"), right, camera(rng), line, rng),
+        covariance_mm2=np.eye(3) * 1e-6,
+        repeat=np.repeat([0.0, 1.0, 2.0], 30),
+        dir_x=np.tile(np.repeat([1.0, -1.0], 15), 3),
+    )
+    table = lengths(anywhere(30, 5) * 2, leaning_column, 0.02, 5, s_measured=0.02)
+    found = diagnose(Model(machine_of("wYbXZt")), points, table)
+    assert found.verdict != "nothing-missing"
+    assert not any("nobody knows from which side" in note for note in found.notes)
+    assert any("ask of the lengths alone, too" in note for note in found.notes)
+    alone = diagnose(Model(machine_of("wYbXZt")), table)
+    assert str(alone.found[0].reference) == "squareness:xz"
+    assert not any("ask of the lengths alone" in note for note in alone.notes)
+
+
+def test_a_length_from_its_other_end_is_the_same_and_conditions_have_any_name() -> None:
+    pairs = [(CORNERS[one], CORNERS[two]) for one, two in SIDES_AND_DIAGONALS]
+    swapped = [(two, one) for one, two in pairs]
+    table = lengths(pairs + swapped, skewed(1e-3, 0.0, 0.0), 0.02, 3, d_x=1.0)
+    fitted = fit_model(MACHINE, table, components="none", effects=EFFECTS).fitted
+    assert fitted.repeats.dof[0] == len(SIDES_AND_DIAGONALS)
+    assert not any("is not read" in note for note in fitted.sightings.notes)
+
+
+def test_too_few_lengths_are_told_as_lengths() -> None:
+    with pytest.raises(GeometryError, match=r"2 numbers in 2 lengths leave nothing over.*\n.*s_measured"):
+        fit_model(MACHINE, lengths(anywhere(2, 1), skewed(0.0, 0.0, 0.0)), components="none", effects=EFFECTS)
+
+
+def test_a_slip_among_repeats_is_named() -> None:
+    table = plate(skewed(2e-3, 0.0, 0.0), 0.02, 3, 2)
+    slipped = table.frame.with_columns(
+        measured=pl.when(pl.int_range(pl.len()) == 8).then(pl.col("measured") + 1.0).otherwise(pl.col("measured")),
+        file_row=pl.int_range(2, pl.len() + 2),
+    )
+    (note,) = [one for one in sightings_of(Lengths(slipped)).notes if "when they are measured again" in one]
+    assert note.startswith("f2 was measured from ")
+    assert "line 10 of its file" in note
+    assert not any("mistyped" in one for one in sightings_of(table).notes)

@@ -42,7 +42,7 @@ def compare_verb(
         list[Path],
         typer.Argument(
             metavar="OBS...",
-            help="Measured points, circular tests, lengths (.csv, .parquet; - is standard input).",
+            help="Measured points, circular tests, lengths (.csv, .parquet; - is points on standard input).",
         ),
     ],
     refit: Refit = False,

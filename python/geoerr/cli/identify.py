@@ -61,7 +61,8 @@ def identify(
     observations: Annotated[
         list[Path],
         typer.Argument(
-            metavar="OBS...", help="Measured points, circular tests, lengths (.csv, .parquet; - is standard input)."
+            metavar="OBS...",
+            help="Measured points, circular tests, lengths (.csv, .parquet; - is points on standard input).",
         ),
     ],
     machine: MachineFile,

@@ -37,7 +37,10 @@ ModelFile = Annotated[
 ]
 ObservationFiles = Annotated[
     list[Path],
-    typer.Argument(metavar="OBS...", help="Measured points, circular tests (.csv, .parquet; - is standard input)."),
+    typer.Argument(
+        metavar="OBS...",
+        help="Measured points, circular tests, lengths (.csv, .parquet; - is points on standard input).",
+    ),
 ]
 EffectFiles = Annotated[
     list[Path] | None, typer.Option("--effects", help="A .toml of your own effects; may be repeated.")

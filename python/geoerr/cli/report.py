@@ -45,7 +45,7 @@ def report_verb(
         list[Path] | None,
         typer.Argument(
             metavar="[OBS]...",
-            help="Measured points, circular tests, lengths (.csv, .parquet; - is standard input).",
+            help="Measured points, circular tests, lengths (.csv, .parquet; - is points on standard input).",
         ),
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="HTML page to write.")] = None,

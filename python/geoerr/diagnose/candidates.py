@@ -161,7 +161,7 @@ def candidates_of(
             continue
         n_before = len(offered)
         references = effect.candidates(
-            fitted.machine, columns, n_sessions=len(sightings.sessions), is_circular=is_circular
+            fitted.machine, columns, n_sessions=sightings.n_set_ups, is_circular=is_circular
         )
         for reference in references:
             if str(reference) in taken:
@@ -255,7 +255,7 @@ def _why_not(effect: Effect, fitted: Fitted, columns: Sequence[str], is_circular
         return "is found by a check of its own, not by a formula"
     if effect.offered_as is not None:
         return f"is offered as {effect.offered_as}"
-    n_sessions = len(fitted.sightings.sessions)
+    n_sessions = fitted.sightings.n_set_ups
     if effect.each_session and is_circular:
         return "wanting: points alone (each circular run is a session of its own, and would have its own)"
     if effect.each_session and n_sessions > _MOST_SESSIONS:
@@ -312,7 +312,7 @@ def _terms(
                         lagged=lagged,
                         form=form.name,
                         time_range_s=time_range_s,
-                        n_sessions=len(fitted.sightings.sessions),
+                        n_sessions=fitted.sightings.n_set_ups,
                     )
                 )
             except InputFileError:

@@ -18,6 +18,7 @@ from geoerr.diagnose.space import INSIDE, independent, unseen_of_pass
 from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import LEAST_FOLDS, folds_of
+from geoerr.fit.lengths import of_whole_lengths
 from geoerr.fit.sightings import Numbers
 
 # What is added may take this share of a direction of a pass before the pass is solved anew.
@@ -95,7 +96,8 @@ class HeldOutAfter:
             own, own_solved = (all_[one.rows].reshape(3 * len(one.rows), -1) for all_ in (columns, solved))
             unseen[one.rows] = one.unseen(own, own_solved).reshape(-1, 3)
         mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, unseen)
-        base = fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm))
+        in_base_axes = fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm))
+        base = of_whole_lengths(fitted.sightings, in_base_axes)
         computable = np.isfinite(before.residual_mm).all(axis=1) & fitted.solved.used
         return figures_of(fitted.sightings, base, computable).headline_um
 

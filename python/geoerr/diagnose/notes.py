@@ -95,6 +95,7 @@ def notes_of(
     said += [
         *([] if has_found or is_held else _not_carried_over(fitted)),
         *([] if has_found else _more_than_lengths_scatter(fitted)),
+        *_beside_lengths(fitted.sightings),
         *fitted.sightings.notes,
         *_odd_times(fitted.sightings),
         *_gaps(fitted.sightings, has_unread=has_unread),
@@ -161,6 +162,20 @@ def _more_than_lengths_scatter(fitted: Fitted) -> list[str]:
     return [
         f"the lengths are off by far more than {by} (p = {p_value:.1g}): something is missing, and these are too few "
         "to say what; measure more of them, at other places and in other directions, or fit what you suspect"
+    ]
+
+
+def _beside_lengths(sightings: Sightings) -> list[str]:
+    """Say that of lengths beside much surer points a search sees less than of the lengths alone.
+
+    A column is judged by the share of it that the frames of all sessions leave, and a squareness moves all points of
+    a line by as much as a frame does.
+    """
+    if sightings.has_lengths_only or "lengths" not in sightings.frames:
+        return []
+    return [
+        "beside points and circles a search may pass over what only the lengths tell, or give it the name of what "
+        "looks alike: ask of the lengths alone, too (a fit has all of both)"
     ]
 
 

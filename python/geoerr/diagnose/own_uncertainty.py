@@ -18,6 +18,7 @@ import numpy as np
 
 from geoerr.fit import Fitted
 from geoerr.fit.given import with_terms
+from geoerr.fit.lengths import of_the_headline, of_whole_lengths
 from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.model.sessions import since_last_session
@@ -72,13 +73,16 @@ def own_uncertainty(model: Model, fitted: Fitted) -> OwnUncertainty | None:
     taken = np.linalg.pinv(total[frames, frames], rcond=1e-12, hermitian=True) @ total[frames, own]
     gram = total[own, own] - total[own, frames] @ taken
     moment = total[own, -1] - taken.T @ total[frames, -1]
-    unwhitening = fitted.sightings.unwhitening
+    unwhitening, counts = fitted.sightings.unwhitening, of_the_headline(fitted.sightings)
+    # A length is off by twice what its end is.
+    shares = of_whole_lengths(fitted.sightings, counts.astype(np.float64), size=4.0)
     squares = np.zeros(3)
     for block in _blocks(len(row_scale)):
         design = problem.design(state, row_scale, block.start, block.stop, fitted.threads)
         left = (design[:, :n_model] @ root - design[:, n_model:] @ taken).reshape(-1, 3, k)
-        squares += (np.einsum("nij,njk->nik", unwhitening[block], left) ** 2).sum(axis=(0, 2))
-    count = np.maximum(fitted.sightings.is_measured[fitted.solved.used].sum(axis=0), 1)
+        variances = (np.einsum("nij,njk->nik", unwhitening[block], left) ** 2).sum(axis=2)
+        squares += (shares[block] * variances).sum(axis=0)
+    count = np.maximum(counts[fitted.solved.used].sum(axis=0), 1)
     return OwnUncertainty(gram, moment, float((squares / count).sum()) * _UM_PER_MM**2)
 
 

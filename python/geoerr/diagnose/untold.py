@@ -34,7 +34,8 @@ def untold_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
     commanded_mm = sightings.commanded_mm[order]
     span_mm = np.maximum.reduceat(commanded_mm, starts) - np.minimum.reduceat(commanded_mm, starts)
     moves = (span_mm > SAME_POSITION_MM)[sightings.pass_number]
-    untold = np.asarray((np.isnan(direction) & moves).any(axis=1))
+    # From which side the ends of a length were made is asked of effects that follow it alone.
+    untold = np.asarray((np.isnan(direction) & moves).any(axis=1)) & ~sightings.of_kind("lengths")
     for is_odd in sightings.once("odd_rows", odd_rows).values():
         untold |= is_odd
     return untold if untold.mean() <= _MOST_UNTOLD else np.zeros(len(untold), dtype=bool)

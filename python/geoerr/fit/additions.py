@@ -176,7 +176,7 @@ def refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sighti
     columns = sightings.effect_columns
     wanting = effect.wanting(
         columns,
-        n_sessions=len(sightings.sessions),
+        n_sessions=sightings.n_set_ups,
         is_circular=bool(np.isin("circle", sightings.frames)),
     )
     if wanting is not None:
@@ -273,5 +273,5 @@ def _term(
         lagged=lagged,
         form=form,
         time_range_s=clock_span_s(sightings) or DEFAULT_TIME_RANGE_S,
-        n_sessions=len(sightings.sessions),
+        n_sessions=sightings.n_set_ups,
     )

@@ -38,7 +38,7 @@ from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
-from geoerr.fit.lengths import middles_of_lengths
+from geoerr.fit.lengths import is_told, middles_of_lengths
 from geoerr.fit.noise import is_static
 from geoerr.fit.rich import determined_bases
 from geoerr.fit.rolls import Rolls, held_rolls, levers, turned
@@ -166,10 +166,11 @@ def fit_terms(
         positions,
     )
     if (options.components != "none" or effects) and not math.isfinite(fitted.scale):
-        measured = f"{counted(int(sightings.is_measured.sum()), 'number')} in {counted(len(sightings), 'row')}"
+        n_numbers = counted(int(is_told(sightings).sum()), "number")
+        what, columns = ("length", "s_measured") if sightings.has_lengths_only else ("row", "sx, sy and sz")
         raise GeometryError(
-            f"{measured} leave nothing over beside what they are to tell\n"
-            "hint: measure more positions, or state the uncertainties of these in sx, sy and sz (mm)"
+            f"{n_numbers} in {counted(fitted.figures.n, what)} leave nothing over beside what they are to tell\n"
+            f"hint: measure more positions, or state the uncertainties of these in {columns} (mm)"
         )
     rich = {**rich, **found}
     undecided = [term for term in classic_on(found) if term.id in rich and term.id not in given]

@@ -58,7 +58,9 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         for a table that is none.
     """
     check_tables(tables, "fit_model(machine, observations)", Observations, CircularTest, Lengths)
-    parts = [part for table in tables for part in _of_one(table) if len(part)]
+    # Lengths last: the order of the others is that of time.
+    in_order = sorted(tables, key=lambda table: isinstance(table, Lengths))
+    parts = [part for table in in_order for part in _of_one(table) if len(part)]
     if not parts:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
     parts = weighed(parts)
@@ -67,7 +69,10 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         *counted_twice(joined),
         *in_the_way_of_repeats(joined),
         *_without_name(joined),
-        *unread_columns(joined.table.columns),
+        # How a part was made its own table says by any name.
+        *unread_columns(
+            dict.fromkeys(name for part in parts if not part.has_lengths_only for name in part.table.columns)
+        ),
         *other_units(joined),
         *odd_directions(joined),
         *targets_that_moved(joined),

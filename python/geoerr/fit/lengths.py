@@ -23,6 +23,8 @@ from geoerr.summaries import counted, place_of_row
 _ENDS = (("x1", "y1", "z1"), ("x2", "y2", "z2"))
 # A machine that is off by this share of a length is another machine, or the length another, or mistyped.
 _STRANGE = 0.05
+# Repeats of one that differ by so many times the usual; of so many that were repeated, and so many rows are named.
+_UNLIKE, _FEWEST_REPEATED, _MOST_NAMED = 10.0, 4, 4
 _NO_EXTENT = "a length from a place to itself"
 _MISTYPED = "a length that is off by more than a twentieth"
 
@@ -38,7 +40,7 @@ def sightings_of_lengths(lengths: Lengths) -> Sightings:
         where half of the lengths are off by more than a twentieth: of another part, or in another unit.
     """
     frame = lengths.frame
-    ends_mm = np.stack([_columns(frame, names) for names in _ENDS], axis=1)
+    ends_mm = _from_the_lower_end(np.stack([_columns(frame, names) for names in _ENDS], axis=1))
     measured_mm = _columns(frame, ("measured",))[:, 0]
     nominal_mm = np.linalg.norm(ends_mm[:, 1] - ends_mm[:, 0], axis=1)
     has_extent = nominal_mm > SAME_POSITION_MM
@@ -56,8 +58,8 @@ def sightings_of_lengths(lengths: Lengths) -> Sightings:
     measured[:, 0], is_measured[:, 0] = measured_mm[row], True
     std_mm, is_stated, notes = _uncertainties(frame, kept)
     whitening = np.zeros((n_rows, 3, 3))
-    # Of two ends that are independent.
-    whitening[:, 0, 0] = np.repeat(np.sqrt(2.0) / std_mm if is_stated else np.ones(len(kept)), 2)
+    # Of two ends that are independent; one that states nothing is as sure as a component of a point.
+    whitening[:, 0, 0] = np.repeat(np.sqrt(2.0) / std_mm if is_stated else np.full(len(kept), np.sqrt(2.0)), 2)
     return Sightings(
         table=table.with_columns(table["feature"].alias("line")),
         commanded_mm=commanded_mm,
@@ -74,7 +76,37 @@ def sightings_of_lengths(lengths: Lengths) -> Sightings:
         directions=np.zeros((n_rows, 3), dtype=np.int8),
         source_row=row.astype(np.int64),
         left_out={why: count for why, count in left_out.items() if count},
-        notes=(*notes, *_strangers(frame, nominal_mm, measured_mm, is_strange)),
+        notes=(
+            *notes,
+            *_strangers(frame, nominal_mm, measured_mm, is_strange),
+            *_unlike_repeats(frame[kept], ends_mm[kept], measured_mm[kept]),
+        ),
+    )
+
+
+def _unlike_repeats(frame: pl.DataFrame, ends_mm: Numbers, measured_mm: Numbers) -> Iterator[str]:
+    """Name the length whose repeats differ by far more than those of the others do: one of them is a slip.
+
+    Which one nobody can tell of two, and what a model lacks, all repeats of a length have in common.
+    """
+    places = np.round(ends_mm.reshape(-1, 6) / SAME_POSITION_MM)
+    _, group = np.unique(places, axis=0, return_inverse=True)
+    low, high = (np.full(int(group.max(initial=-1)) + 1, start) for start in (np.inf, -np.inf))
+    np.minimum.at(low, group.ravel(), measured_mm)
+    np.maximum.at(high, group.ravel(), measured_mm)
+    spread = (high - low)[np.bincount(group.ravel()) > 1]
+    usual = float(np.median(spread)) if len(spread) >= _FEWEST_REPEATED else 0.0
+    worst = int(np.argmax(high - low)) if len(low) else 0
+    if not 0.0 < _UNLIKE * usual < high[worst] - low[worst]:
+        return
+    rows = np.flatnonzero(group.ravel() == worst)[:_MOST_NAMED].tolist()
+    where = ""
+    if "file_row" in frame.columns:
+        where = f" ({', '.join(place_of_row(float(frame['file_row'][row]), row) for row in rows)})"
+    yield (
+        f"{frame['feature'][rows[0]]} was measured from {low[worst]:g} to {high[worst]:g} mm{where}, where others differ "
+        f"by {usual:.2g} mm when they are measured again: one is mistyped, or of another place; it takes part, and all "
+        "is less sure by it"
     )
 
 
@@ -98,6 +130,19 @@ def other_ends(sightings: Sightings) -> tuple[np.ndarray, np.ndarray]:
     rows = np.flatnonzero(length >= 0)
     both = rows[np.argsort(length[rows], kind="stable")].reshape(-1, 2)
     return both[:, 0], both[:, 1]
+
+
+def scatter_of_lengths(sightings: Sightings) -> tuple[float, int]:
+    """Give how much lengths scatter that were measured again, mm, and its degrees of freedom."""
+    first, second = sightings.once("ends of lengths", other_ends)
+    ends = np.round(np.hstack([sightings.commanded_mm[rows] for rows in (first, second)]) / SAME_POSITION_MM)
+    _, group = np.unique(ends, axis=0, return_inverse=True)
+    off_mm = sightings.measured_mm[second, 0]
+    count = np.bincount(group.ravel())
+    mean = np.bincount(group.ravel(), weights=off_mm) / count
+    dof = int((count - 1).sum())
+    left = off_mm - mean[group.ravel()]
+    return (float(np.sqrt(left @ left / dof)), dof) if dof else (np.nan, 0)
 
 
 def other_ends_mm(sightings: Sightings) -> Numbers:
@@ -136,6 +181,13 @@ def of_whole_lengths(sightings: Sightings, residual_mm: Numbers, *, size: float 
     result[first] = 0.0
     result[second] *= size
     return result
+
+
+def _from_the_lower_end(ends_mm: Numbers) -> Numbers:
+    """Give ends (k, 2, 3) in the order of their places: one that was measured from its other end is the same."""
+    places = np.round(ends_mm / SAME_POSITION_MM)
+    is_swapped = np.array([tuple(one) > tuple(two) for one, two in places], dtype=bool)
+    return np.asarray(np.where(is_swapped[:, None, None], ends_mm[:, ::-1], ends_mm))
 
 
 def _columns(frame: pl.DataFrame, names: tuple[str, ...]) -> Numbers:

@@ -26,10 +26,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.fit.alike import numbers_of_alike
+from geoerr.fit.lengths import scatter_of_lengths
 from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
 
 # A median of fewer numbers tells nothing, and of more no more.
 _LEAST, _MOST_WINDOWS = 12, 300_000
+# A root mean square of so many is known to a quarter.
+_LEAST_OF_LENGTHS = 8
 # Standard deviations nearer to each other than this are one: weights that are so far off cost a fiftieth of what the
 # data tell, and standard errors are off by a tenth.
 _ALIKE = 1.25
@@ -54,11 +57,11 @@ class Scatter:
     Attributes
     ----------
     device : (n,)
-        Number of each row's device: a session of points, a whole circular test.
+        Number of each row's device: a session of points, a whole circular test, all lengths of a table.
     names
         Of the devices.
     std_mm : (n_devices, 3)
-        By component of the measuring frame; NaN where nothing is measured.
+        By component of the measuring frame, of a radius or of a length; NaN where nothing is measured.
     n_told_by : (n_devices, 3)
         How many independent numbers tell it.
     """
@@ -72,8 +75,7 @@ class Scatter:
 def scatter_of(table: Sightings) -> Scatter | None:
     """Tell how much the components of one table scatter from row to row; None where nothing tells."""
     if set(table.frames) == {"lengths"}:
-        # They follow each other in no order, and what a corner has in common is no scatter.
-        return None
+        return _of_lengths(table)
     is_circle = set(table.frames) == {"circle"}
     device = np.zeros(len(table), dtype=np.int64) if is_circle else table.session
     names = ("circular test",) if is_circle else tuple(f"session {name}" for name in table.sessions)
@@ -99,6 +101,16 @@ def scatter_of(table: Sightings) -> Scatter | None:
             if table.is_measured[rows, component].any():
                 std_mm[number, component], n_told_by[number, component] = one.std_mm, one.n_told_by
     return Scatter(device, names, std_mm, n_told_by)
+
+
+def _of_lengths(table: Sightings) -> Scatter | None:
+    """Tell how much lengths scatter: by those that were measured again, for they come in no order."""
+    std_mm, dof = scatter_of_lengths(table)
+    if dof < _LEAST_OF_LENGTHS or not std_mm > _LEAST_STD_MM:
+        return None
+    told = np.full((1, 3), np.nan)
+    told[0, 0] = std_mm
+    return Scatter(np.zeros(len(table), dtype=np.int64), ("lengths",), told, np.array([[float(dof), 0.0, 0.0]]))
 
 
 def are_apart(std_mm: Numbers, n_told_by: Numbers) -> bool:

@@ -150,6 +150,11 @@ class Sightings:
         return ", ".join(texts)
 
     @property
+    def n_set_ups(self) -> int:
+        """Number of sessions that something may have changed between; of lengths nobody knows when they were made."""
+        return max(sum(kind != "lengths" for kind in self.frames), 1)
+
+    @property
     def has_lengths_only(self) -> bool:
         """Whether no device saw a position or a radius."""
         return set(self.frames) == {"lengths"}

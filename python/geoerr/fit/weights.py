@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -13,10 +14,10 @@ from geoerr.fit.sightings import Numbers, Sightings
 _UM_PER_MM = 1e3
 # A note that names more is not read.
 _MOST_NAMED = 4
-# What states one number: what it is called, where it states how surely, and what has that.
+# What states one number: what it is called, where it states how surely, what has that, and how it tells it.
 _OF_ONE_NUMBER = {
-    frozenset({"circle"}): ("a circular test states", "sr", "its radii"),
-    frozenset({"lengths"}): ("lengths state", "s_measured", "their ends"),
+    frozenset({"circle"}): ("a circular test states", "sr", "its radii", "from row to row"),
+    frozenset({"lengths"}): ("lengths state", "s_measured", "they", "when they are measured again"),
 }
 
 
@@ -46,8 +47,8 @@ def weighed(tables: Sequence[Sightings]) -> list[Sightings]:
 
 def _not_told(tables: Sequence[Sightings]) -> Iterator[Sightings]:
     note = (
-        "no uncertainty is stated (columns sx, sy, sz and sr, mm), and too few rows were measured again to tell it: "
-        "all are weighed alike, whatever device they are from"
+        "no uncertainty is stated (columns sx, sy, sz, sr and s_measured, mm), and too few rows were measured again "
+        "to tell it: all are weighed alike, whatever device they are from"
     )
     for number, table in enumerate(tables):
         yield table if number else replace(table, notes=(*table.notes, note))
@@ -64,19 +65,20 @@ def _beside(table: Sightings, tables: Sequence[Sightings]) -> Sightings:
         return table
     if scatter is None:
         stated = [one for one in tables if one.is_stated]
-        std_mm = _root_mean_square([np.sqrt((one.unwhitening**2).sum(axis=2))[one.is_measured] for one in stated])
+        std_mm = _root_mean_square([_stated_mm(one)[one.is_measured] for one in stated])
         by_row = np.full((len(table), 3), std_mm)
         assert of_one_number is not None
-        note = _of_numbers(of_one_number, "that of the points", std_mm)
+        note = _of_numbers(of_one_number, "that of what stands beside them", std_mm)
     else:
         by_row = scatter.std_mm[scatter.device]
-        of_scatter = "what they scatter from row to row"
-        note = _of_numbers(of_one_number, of_scatter, by_row[0, 0]) if of_one_number else _note(scatter)
+        note = _note(scatter)
+        if of_one_number is not None:
+            note = _of_numbers(of_one_number, f"what they scatter {of_one_number[3]}", by_row[0, 0])
     return replace(_with_std(table, by_row), is_stated=True, notes=(*table.notes, note))
 
 
-def _of_numbers(words: tuple[str, str, str], whose: str, std_mm: float) -> str:
-    states, column, what = words
+def _of_numbers(words: tuple[str, str, str, str], whose: str, std_mm: float) -> str:
+    states, column, what, _ = words
     return f"{states} no uncertainty (column {column}, mm): {what} got {whose}, {std_mm:.2g} mm"
 
 
@@ -96,7 +98,15 @@ def _root_mean_square(values: Sequence[Numbers]) -> float:
     return float(np.sqrt((np.concatenate(values) ** 2).mean()))
 
 
+def _stated_mm(table: Sightings) -> Numbers:
+    """Give the stated standard uncertainties of components (n, 3), of radii and of lengths."""
+    std = np.sqrt((table.unwhitening**2).sum(axis=2))
+    return np.asarray(np.where(table.of_kind("lengths")[:, None], std * math.sqrt(2.0), std))
+
+
 def _with_std(table: Sightings, std: Numbers) -> Sightings:
     """Give the table with a standard deviation (n, 3) of each component that is measured."""
+    # Of two ends that are independent.
+    std = np.where(table.of_kind("lengths")[:, None], std / math.sqrt(2.0), std)
     by_component = np.where(table.is_measured, 1.0 / np.where(table.is_measured, std, 1.0), 0.0)
     return replace(table, whitening=np.ascontiguousarray(np.eye(3) * by_component[:, None, :]))

@@ -296,14 +296,13 @@ def model_report(
     steps.done()
 
     def look() -> Diagnosis | CircleDiagnosis:
-        if not points:
+        if len(circles) == len(tables):
             return diagnose_circles(
                 model, *circles, effects=effects, progress=steps.search, on_step=on_step, threads=threads
             )
         return diagnose(
             model,
-            *points,
-            *circles,
+            *tables,
             effects=effects,
             rig_sensitivity=rig_sensitivity,
             rig_covariance=rig_covariance,
@@ -313,7 +312,7 @@ def model_report(
         )
 
     if diagnosis is None:
-        why = _no_search(points, circles, tables, search)
+        why = _no_search(tables, search)
         diagnosis = parts.tried(DIAGNOSIS, look, unless=why)
     steps.say("measured lines")
     straight = straight_lines(model.machine, *points, threads=threads)
@@ -389,12 +388,10 @@ def _test_of(line: StraightLine, kept: npt.NDArray[np.bool_]) -> PositioningTest
     return positioning_test(line.position_mm[kept], line.deviation_um[kept], line.direction[kept])
 
 
-def _no_search(points: Sequence[Any], circles: Sequence[Any], tables: Sequence[Any], search: bool) -> str | None:
+def _no_search(tables: Sequence[Any], search: bool) -> str | None:
     """Say why nothing is searched; None where it is."""
     if not tables:
         return _NO_MEASUREMENTS
-    if not points and not circles:
-        return "lengths alone tell no cause: measure points or circles"
     return None if search else "the search was not wanted"
 
 

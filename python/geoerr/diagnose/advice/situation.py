@@ -205,11 +205,11 @@ def _moments(sightings: Sightings) -> np.ndarray:
 
 
 def _by_session(sightings: Sightings, values: Numbers) -> list[Numbers]:
-    return list(np.split(values, sightings.starts[1:]))
+    return [part for part in np.split(values, sightings.starts[1:]) if len(part)]
 
 
 def _counts(sightings: Sightings) -> Numbers:
-    return np.bincount(sightings.session, minlength=len(sightings.sessions)).astype(np.float64)
+    return np.unique(sightings.session, return_counts=True)[1].astype(np.float64)
 
 
 def _pace(sightings: Sightings, begins: np.ndarray, moving: np.ndarray, usual_feed: float) -> tuple[float, float]:
