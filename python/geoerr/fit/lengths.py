@@ -105,8 +105,8 @@ def _unlike_repeats(frame: pl.DataFrame, ends_mm: Numbers, measured_mm: Numbers)
         where = f" ({', '.join(place_of_row(float(frame['file_row'][row]), row) for row in rows)})"
     yield (
         f"{frame['feature'][rows[0]]} was measured from {low[worst]:g} to {high[worst]:g} mm{where}, where others "
-        f"differ by {usual:.2g} mm when they are measured again: one is mistyped, or of another place; it takes part, "
-        "and all is less sure by it"
+        f"differ by {usual:.2g} mm when they are measured again: one is mistyped, or of another place; it takes "
+        "part, and all is less sure by it"
     )
 
 
