@@ -184,6 +184,21 @@ def test_lengths_that_state_nothing_are_as_sure_as_the_points_beside_them() -> N
     assert any("they got what they scatter when they are measured again" in note for note in again.notes)
 
 
+def test_lengths_that_were_made_cold_and_warm_are_no_repeats_of_each_other() -> None:
+    """Weighed beside points by what they scatter, and not by what they grow."""
+    machine, rng = machine_of("wYbXZt"), np.random.default_rng(2)
+    line = [("tool", np.array([place, 100.0, 50.0]), (0.0, 0.0, 0.0)) for place in np.linspace(0.0, LENGTH_MM, 15)]
+    right = cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0)
+    points = seen(machine, right, camera(rng), line, rng, covariance_mm2=np.eye(3) * 4e-6, temp=[20.0] * 15)
+    pairs = anywhere(12, 3)
+    parts = [
+        lengths(pairs * 2, skewed(0.0, 1e-5 * (temp - 20.0), 0.0), 0.005, int(temp), temp=temp)
+        for temp in (20.0, 90.0)
+    ]
+    sightings = sightings_of(points, Lengths(pl.concat([part.frame for part in parts])))
+    assert std_of_lengths_mm(sightings) == pytest.approx(0.005, rel=0.4)
+
+
 def std_of_lengths_mm(sightings: Sightings) -> float:
     """What lengths are weighed by, of two ends that are independent."""
     return float(np.sqrt(2.0) / np.median(sightings.whitening[sightings.of_kind("lengths"), 0, 0]))

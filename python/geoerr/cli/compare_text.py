@@ -48,8 +48,8 @@ def comparison_lines(comparison: Comparison, document: Mapping[str, Any], places
     machine = comparison.model.machine
     lines = wrapped(f"{machine.name} ({machine.chain}): {_data_in_words(comparison)}")
     fitted = comparison.fitted
+    lines += [*wrapped(_MEANINGS[comparison.freedom]), "", *figure_rows({"": document})]
     if fitted is not None:
-        lines += [*wrapped(_MEANINGS[comparison.freedom]), "", *figure_rows({"": document})]
         lines += [*_expected(comparison), *_set_up(comparison), ""]
         for sentence in _quality(comparison):
             lines += wrapped(sentence)
@@ -196,10 +196,7 @@ def _named(comparison: Comparison, rows: Sequence[int], places: Mapping[int, str
 
 def _lengths(lengths: LengthComparison) -> Iterator[str]:
     yield ""
-    yield "lengths, figures in µm"
-    yield f"{'residual, rms':<44}{lengths.rms_um:>12.2f}"
-    floor = "–" if lengths.noise_floor_um is None else f"{lengths.noise_floor_um:.2f}"
-    yield f"{'noise floor (what repeats scatter)':<44}{floor:>12}"
+    yield f"{'lengths, µm: rms, and the worst':<44}{lengths.rms_um:>12.2f}"
     for name, (rms_um, n) in lengths.by("group").items():
         yield f"  {_short(name or 'no group', 40):<42}{rms_um:>12.2f}{n:>8} lengths"
     order = sorted(range(len(lengths)), key=lambda row: -abs(lengths.residual_um[row]))

@@ -132,19 +132,6 @@ def other_ends(sightings: Sightings) -> tuple[np.ndarray, np.ndarray]:
     return both[:, 0], both[:, 1]
 
 
-def scatter_of_lengths(sightings: Sightings) -> tuple[float, int]:
-    """Give how much lengths scatter that were measured again, mm, and its degrees of freedom."""
-    first, second = sightings.once("ends of lengths", other_ends)
-    ends = np.round(np.hstack([sightings.commanded_mm[rows] for rows in (first, second)]) / SAME_POSITION_MM)
-    _, group = np.unique(ends, axis=0, return_inverse=True)
-    off_mm = sightings.measured_mm[second, 0]
-    count = np.bincount(group.ravel())
-    mean = np.bincount(group.ravel(), weights=off_mm) / count
-    dof = int((count - 1).sum())
-    left = off_mm - mean[group.ravel()]
-    return (float(np.sqrt(left @ left / dof)), dof) if dof else (np.nan, 0)
-
-
 def other_ends_mm(sightings: Sightings) -> Numbers:
     """Give where the other end of each end of a length was commanded, (n, 3), and 0 in other rows."""
     places = np.zeros((len(sightings), 3))

@@ -26,7 +26,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.fit.alike import numbers_of_alike
-from geoerr.fit.lengths import scatter_of_lengths
+from geoerr.fit.lengths import other_ends
+from geoerr.fit.noise import groups_of
 from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
 
 # A median of fewer numbers tells nothing, and of more no more.
@@ -104,9 +105,14 @@ def scatter_of(table: Sightings) -> Scatter | None:
 
 
 def _of_lengths(table: Sightings) -> Scatter | None:
-    """Tell how much lengths scatter: by those that were measured again, for they come in no order."""
-    std_mm, dof = scatter_of_lengths(table)
-    if dof < _LEAST_OF_LENGTHS or not std_mm > _LEAST_STD_MM:
+    """Tell how much lengths scatter: by those that were measured again alike, for they come in no order."""
+    _, second = other_ends(table)
+    group, measured_mm = groups_of(table)[second], table.measured_mm[second, 0]
+    count = np.bincount(group)
+    dof = len(group) - int((count > 0).sum())
+    left_mm = measured_mm - (np.bincount(group, weights=measured_mm) / np.maximum(count, 1))[group]
+    std_mm = math.sqrt(float(left_mm @ left_mm) / dof) if dof else 0.0
+    if dof < _LEAST_OF_LENGTHS or std_mm <= _LEAST_STD_MM:
         return None
     told = np.full((1, 3), np.nan)
     told[0, 0] = std_mm
