@@ -19,7 +19,7 @@ from geoerr.errors import GeometryError
 from geoerr.fit import FitResult, Sightings, fit_model, sightings_of
 from geoerr.machine import Machine
 from geoerr.model import Model
-from geoerr.observations import CircularTest, Lengths
+from geoerr.observations import CircularTest, Lengths, Observations
 
 Array = npt.NDArray[np.float64]
 Pair = tuple[Sequence[float], Sequence[float]]
@@ -49,6 +49,19 @@ def lengths(
 def plate(made: Callable[[Array], Array], std_mm: float = 0.0, n_repeats: int = 1, seed: int = 0) -> Lengths:
     pairs = [(CORNERS[one], CORNERS[two]) for one, two in SIDES_AND_DIAGONALS] * n_repeats
     return lengths(pairs, made, std_mm, seed, repeat=np.repeat(np.arange(n_repeats), len(SIDES_AND_DIAGONALS)))
+
+
+PRINTER = machine_of("wYbXZt")
+
+
+def along_x(std_mm: float, carrier: str = "tool", n_times: int = 1, **columns: object) -> Observations:
+    """A right machine seen along x, there and back."""
+    rng = np.random.default_rng(2)
+    there = np.linspace(0.0, LENGTH_MM, 15)
+    places = np.concatenate([there, there[::-1]])
+    line = [(carrier, np.array([x, 100.0, 50.0]), (0.0, 0.0, 0.0)) for x in places] * n_times
+    right = cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0)
+    return seen(PRINTER, right, camera(rng), line, rng, covariance_mm2=np.eye(3) * std_mm**2, **columns)
 
 
 def anywhere(n: int, seed: int) -> list[Pair]:
@@ -135,17 +148,7 @@ def test_the_pure_error_of_repeated_lengths_is_theirs() -> None:
 
 def test_lengths_stand_beside_points_and_circles() -> None:
     """A skew that points do not show by one line alone is told by the lengths, and the fit says how each is off."""
-    machine = machine_of("wYbXZt")
-    rng = np.random.default_rng(2)
-    line = [("tool", np.array([place, 100.0, 50.0]), (0.0, 0.0, 0.0)) for place in np.linspace(0.0, LENGTH_MM, 15)]
-    points = seen(
-        machine,
-        cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0),
-        camera(rng),
-        line,
-        rng,
-        covariance_mm2=np.eye(3) * 1e-6,
-    )
+    points = along_x(1e-3)
     table = plate(skewed(2e-3, 0.0, 0.0), 0.01, 2, 3)
     table = Lengths(table.frame.with_columns(s_measured=pl.lit(0.01)))
     angle = np.linspace(0.0, 2.0 * np.pi, 90)
@@ -153,28 +156,19 @@ def test_lengths_stand_beside_points_and_circles() -> None:
     circle = CircularTest(
         pl.DataFrame({"line": "c", **round_one, "r": 50.0 - 0.05 * np.sin(2.0 * angle), "sr": 1e-3})
     )
-    result = fit_model(machine, points, table, circle, components="none", effects=["squareness:xy"])
+    result = fit_model(PRINTER, points, table, circle, components="none", effects=["squareness:xy"])
     (skew,), (error,) = sizes(result)
     # r of a circle with its Y axis leaning by S: −R S sin φ cos φ.
     assert abs(skew - 2e-3) < 4.0 * error < 1e-4
     document = result.fitted.figures.to_document()
     assert document["n_lengths"] == 12
     assert document["n_radial"] == 90
-    assert document["n"] == 15 + 12 + 90
-    assert document["n_components"] == [15, 15, 15]
+    assert document["n"] == 30 + 12 + 90
+    assert document["n_components"] == [30, 30, 30]
 
 
 def test_lengths_that_state_nothing_are_as_sure_as_the_points_beside_them() -> None:
-    machine, rng = machine_of("wYbXZt"), np.random.default_rng(2)
-    line = [("tool", np.array([place, 100.0, 50.0]), (0.0, 0.0, 0.0)) for place in np.linspace(0.0, LENGTH_MM, 15)]
-    points = seen(
-        machine,
-        cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0),
-        camera(rng),
-        line,
-        rng,
-        covariance_mm2=np.eye(3) * 4e-6,
-    )
+    points = along_x(2e-3)
     sightings = sightings_of(points, plate(skewed(0.0, 0.0, 0.0)))
     assert any("lengths state no uncertainty (column s_measured, mm)" in note for note in sightings.notes)
     assert std_of_lengths_mm(sightings) == pytest.approx(0.002)
@@ -186,10 +180,7 @@ def test_lengths_that_state_nothing_are_as_sure_as_the_points_beside_them() -> N
 
 def test_lengths_that_were_made_cold_and_warm_are_no_repeats_of_each_other() -> None:
     """Weighed beside points by what they scatter, and not by what they grow."""
-    machine, rng = machine_of("wYbXZt"), np.random.default_rng(2)
-    line = [("tool", np.array([place, 100.0, 50.0]), (0.0, 0.0, 0.0)) for place in np.linspace(0.0, LENGTH_MM, 15)]
-    right = cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0)
-    points = seen(machine, right, camera(rng), line, rng, covariance_mm2=np.eye(3) * 4e-6, temp=[20.0] * 15)
+    points = along_x(2e-3, temp=[20.0] * 30)
     pairs = anywhere(12, 3)
     parts = [
         lengths(pairs * 2, skewed(0.0, 1e-5 * (temp - 20.0), 0.0), 0.005, int(temp), temp=temp)
@@ -370,22 +361,14 @@ def test_lengths_are_searched_beside_points_whose_directions_are_known() -> None
     """A lean that points along one line do not show: the lengths beside them do, no row is left out, and a note says
     that the lengths alone tell more.
     """
-    rng = np.random.default_rng(2)
-    place = np.concatenate([np.linspace(0.0, LENGTH_MM, 15), np.linspace(LENGTH_MM, 0.0, 15)])
-    line = [("relative", np.array([x, 100.0, 50.0]), (0.0, 0.0, 0.0)) for x in place] * 3
-    right = cubic_truth(rng, angle_rad=0.0, delta_mm=0.0, s_rad=0.0)
-    points = seen(
-        *(machine_of("wYbXZt"), right, camera(rng), line, rng),
-        covariance_mm2=np.eye(3) * 1e-6,
-        repeat=np.repeat([0.0, 1.0, 2.0], 30),
-        dir_x=np.tile(np.repeat([1.0, -1.0], 15), 3),
-    )
+    repeats = {"repeat": np.repeat([0.0, 1.0, 2.0], 30), "dir_x": np.tile(np.repeat([1.0, -1.0], 15), 3)}
+    points = along_x(1e-3, "relative", 3, **repeats)
     table = lengths(anywhere(30, 5) * 2, leaning_column, 0.02, 5, s_measured=0.02)
-    found = diagnose(Model(machine_of("wYbXZt")), points, table)
+    found = diagnose(Model(PRINTER), points, table)
     assert found.verdict != "nothing-missing"
     assert not any("nobody knows from which side" in note for note in found.notes)
     assert any("ask of the lengths alone, too" in note for note in found.notes)
-    alone = diagnose(Model(machine_of("wYbXZt")), table)
+    alone = diagnose(Model(PRINTER), table)
     assert str(alone.found[0].reference) == "squareness:xz"
     assert not any("ask of the lengths alone" in note for note in alone.notes)
 
