@@ -10,7 +10,7 @@ import pytest
 from fit_scenes import cubic_truth, seen
 from virtual_machine import LENGTH_MM, Camera, machine_of
 
-from geoerr.fit import FitResult, fit_model
+from geoerr.fit import FitResult, Fitted, fit_model
 from geoerr.fit.inner import best_start
 from geoerr.observations import Observations
 from geoerr.terms import Parameter, Term
@@ -82,9 +82,10 @@ def test_what_a_trial_gains_is_what_adding_it_gives(seed: int) -> None:
         _, gain = best_start(fitted, replace(term, inner=inner))
         again = fitted.again((*fitted.terms, replace(term, inner=inner)))
 
-        def cost(own: object) -> float:
-            held = own.solved.state.shared[: own.prior.shape[0]]  # type: ignore[attr-defined]
-            return float(own.solved.chi_squared + held @ held)  # type: ignore[attr-defined]
+        def cost(own: Fitted) -> float:
+            assert own.prior is not None
+            held = own.solved.state.shared[: own.prior.shape[0]]
+            return float(own.solved.chi_squared + held @ held)
 
         assert gain == pytest.approx(cost(fitted) - cost(again), rel=0.02, abs=0.5)
 
