@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -88,6 +89,27 @@ def seen(
         measured = measured + rng.normal(size=measured.shape) @ np.linalg.cholesky(covariance_mm2).T
     q, offsets = np.array([row[1] for row in rows]), np.array([row[2] for row in rows])
     return points(q, offsets, measured, carrier=[row[0] for row in rows], covariance_mm2=covariance_mm2, **columns)
+
+
+def there_and_back(
+    targets: Mapping[str, Sequence[Sequence[float]]], through_mm: Sequence[float], n_places: int, n_repeats: int
+) -> tuple[list[tuple[str, Numbers, Sequence[float]]], dict[str, list[object]]]:
+    """Lines along each axis through one place; every picture shows all targets, offsets (mm) by carrier.
+
+    Returns rows as `seen` takes them, and their columns `repeat` and `line`.
+    """
+    rows: list[tuple[str, Numbers, Sequence[float]]] = []
+    repeats: list[object] = []
+    lines: list[object] = []
+    for repeat, axis, way in itertools.product(range(n_repeats), range(3), (1, -1)):
+        for place_mm in np.linspace(0.0, LENGTH_MM, n_places)[::way]:
+            q = np.array(through_mm)
+            q[axis] = place_mm
+            own = [(carrier, q, offset) for carrier, offsets in targets.items() for offset in offsets]
+            rows += own
+            repeats += [float(repeat)] * len(own)
+            lines += [f"L{axis}{way:+d}"] * len(own)
+    return rows, {"repeat": repeats, "line": lines}
 
 
 def points(

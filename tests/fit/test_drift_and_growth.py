@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import polars as pl
 import pytest
-from fit_scenes import cubic_truth, seen
-from virtual_machine import LENGTH_MM, camera, machine_of
+from fit_scenes import cubic_truth, measured_again, seen, there_and_back
+from virtual_machine import camera, machine_of
 
 from geoerr.diagnose import diagnose
 from geoerr.fit import fit_model
@@ -24,33 +23,20 @@ SECONDS_A_PLACE, HEATING_S, WARMING_S = 12.0, 500.0, 900.0
 def warming(seed: int, across_mm: float) -> Observations:
     """Lines along each axis, there and back, three times, while the bed heats up; depth is less certain fourfold."""
     rng = np.random.default_rng(seed)
-    rows, repeat, line = [], [], []
-    for number in range(3):
-        for axis in range(3):
-            for way in (1, -1):
-                for place in np.linspace(0.0, LENGTH_MM, 9)[::way]:
-                    q = np.array([160.0, 110.0, 90.0])
-                    q[axis] = place
-                    own = [(carrier, q, offset) for carrier, offsets in TARGETS.items() for offset in offsets]
-                    rows += own
-                    repeat += [float(number)] * len(own)
-                    line += [f"L{axis}{way:+d}"] * len(own)
+    rows, columns = there_and_back(TARGETS, (160.0, 110.0, 90.0), 9, 3)
     n_targets = sum(map(len, TARGETS.values()))
     t_s = SECONDS_A_PLACE * (1.0 + np.arange(len(rows)) // n_targets)
     temp_bed = 20.0 + 35.0 * (1.0 - np.exp(-t_s / HEATING_S))
     view = camera(rng)
     truth, covariance = cubic_truth(rng), np.diag([1.0, 1.0, 16.0]) * across_mm**2
-    columns = {"repeat": repeat, "line": line, "t": t_s, "temp_bed": temp_bed}
-    right = seen(MACHINE, truth, view, rows, rng, covariance_mm2=covariance, **columns)
+    right = seen(MACHINE, truth, view, rows, rng, covariance_mm2=covariance, t=t_s, temp_bed=temp_bed, **columns)
     # Y carries the work, towards −y.
     grown = np.zeros((len(rows), 3))
     on_work = np.array([carrier == "work" for carrier, _, _ in rows])
     y = np.array([q[1] for _, q, _ in rows])
     grown[on_work, 1] = -(ALPHA_PER_K * (temp_bed - 20.0) * (y - FIXED_MM))[on_work]
     drift = (1.0 - np.exp(-t_s / WARMING_S))[:, None] * DRIFT_MM
-    measured = right.measured_mm + grown @ view.turn.T + drift
-    frame = right.frame.with_columns(**{name: pl.Series(measured[:, i]) for i, name in enumerate(("mx", "my", "mz"))})
-    return Observations(frame, right.sources)
+    return measured_again(right, grown @ view.turn.T + drift)
 
 
 @pytest.mark.parametrize("across_mm", [0.006, 0.009])

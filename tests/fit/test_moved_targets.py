@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from fit_scenes import Numbers, cubic_truth, fitted, measured_again, seen
-from virtual_machine import LENGTH_MM, camera, machine_of
+from fit_scenes import Numbers, cubic_truth, fitted, measured_again, seen, there_and_back
+from virtual_machine import camera, machine_of
 
 import geoerr
 from geoerr.diagnose import diagnose
@@ -35,19 +35,9 @@ def measured(
 ) -> Observations:
     """Lines along each axis, there and back and again; every picture shows all targets on the tool and the work."""
     rng = np.random.default_rng(seed)
-    rows, repeats, lines = [], [], []
-    for repeat in range(n_repeats):
-        for axis in range(3):
-            for way in (1, -1):
-                for place in np.linspace(0.0, LENGTH_MM, 7)[::way]:
-                    q = np.array([60.0, 110.0, 40.0])
-                    q[axis] = place
-                    own = [(carrier, q, offset) for carrier, offsets in targets.items() for offset in offsets]
-                    rows += own
-                    repeats += [float(repeat)] * len(own)
-                    lines += [f"L{axis}{way:+d}"] * len(own)
+    rows, columns = there_and_back(targets, (60.0, 110.0, 40.0), 7, n_repeats)
     truth, pose = cubic_truth(rng), camera(rng)
-    return seen(MACHINE, truth, pose, rows, rng, covariance_mm2=np.eye(3) * 4e-6, repeat=repeats, line=lines)
+    return seen(MACHINE, truth, pose, rows, rng, covariance_mm2=np.eye(3) * 4e-6, **columns)
 
 
 def displaced(observations: Observations, rows: np.ndarray, by_mm: Numbers) -> Observations:

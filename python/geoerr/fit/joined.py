@@ -226,10 +226,6 @@ def _of_circle(test: CircularTest) -> Sightings:
     order = np.argsort(session, kind="stable")
     frame, session = frame[order], session[order]
     commanded = np.column_stack([frame[name].cast(pl.Float64).to_numpy() for name in ("x", "y", "z")])
-    measured = np.zeros((n_rows, 3))
-    measured[:, 0] = frame["r"].cast(pl.Float64).to_numpy()
-    is_measured = np.zeros((n_rows, 3), dtype=bool)
-    is_measured[:, 0] = True
     repeat = frame["repeat"].cast(pl.Float64).to_numpy() if "repeat" in frame.columns else np.zeros(n_rows)
     sense = frame["dir"].cast(pl.Float64).to_numpy() if "dir" in frame.columns else np.zeros(n_rows)
     directions = Observations(frame.with_columns(pl.Series("session", session.astype(str)))).directions
@@ -252,17 +248,12 @@ def _of_circle(test: CircularTest) -> Sightings:
             f"the uncertainty sr is lacking, or too small to be one, in {lacking} of {n_rows} radii: "
             "it is not used in the others either",
         )
-    whitening = np.zeros((n_rows, 3, 3))
-    whitening[:, 0, 0] = 1.0 / std_mm if is_stated else 1.0
-    return Sightings(
+    return Sightings.of_one_number(
         table=frame,
         commanded_mm=commanded,
-        offset_mm=np.zeros((n_rows, 3)),
-        measured_mm=measured,
-        is_measured=is_measured,
-        whitening=whitening,
+        measured_mm=frame["r"].cast(pl.Float64).to_numpy(),
+        std_mm=std_mm if is_stated else np.ones(n_rows),
         is_stated=is_stated,
-        carrier=np.full(n_rows, CARRIERS.index("relative"), dtype=np.uint8),
         session=session,
         sessions=names,
         frames=("circle",) * len(names),

@@ -17,7 +17,7 @@ import polars as pl
 from geoerr.errors import GeometryError
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.unbelievable import LEAST_STD_MM
-from geoerr.observations import CARRIERS, Lengths
+from geoerr.observations import Lengths
 from geoerr.summaries import counted, place_of_row
 
 _ENDS = (("x1", "y1", "z1"), ("x2", "y2", "z2"))
@@ -54,21 +54,15 @@ def sightings_of_lengths(lengths: Lengths) -> Sightings:
     table = frame.drop(*_ENDS[0], *_ENDS[1])[row].with_columns(
         pl.Series(name, commanded_mm[:, number]) for number, name in enumerate(("x", "y", "z"))
     )
-    measured, is_measured = np.zeros((n_rows, 3)), np.zeros((n_rows, 3), dtype=bool)
-    measured[:, 0], is_measured[:, 0] = measured_mm[row], True
     std_mm, is_stated, notes = _uncertainties(frame, kept)
-    whitening = np.zeros((n_rows, 3, 3))
     # Of two ends that are independent; one that states nothing is as sure as a component of a point.
-    whitening[:, 0, 0] = np.repeat(np.sqrt(2.0) / std_mm if is_stated else np.full(len(kept), np.sqrt(2.0)), 2)
-    return Sightings(
+    of_end_mm = (std_mm if is_stated else np.ones(len(kept))) / np.sqrt(2.0)
+    return Sightings.of_one_number(
         table=table.with_columns(table["feature"].alias("line")),
         commanded_mm=commanded_mm,
-        offset_mm=np.zeros((n_rows, 3)),
-        measured_mm=measured,
-        is_measured=is_measured,
-        whitening=whitening,
+        measured_mm=measured_mm[row],
+        std_mm=np.repeat(of_end_mm, 2),
         is_stated=is_stated,
-        carrier=np.full(n_rows, CARRIERS.index("relative"), dtype=np.uint8),
         session=np.zeros(n_rows, dtype=np.int64),
         sessions=("lengths",),
         frames=("lengths",),

@@ -118,6 +118,29 @@ class Sightings:
     derived: Mapping[str, Numbers] = field(default_factory=dict)
     _worked_out: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
+    @classmethod
+    def of_one_number(
+        cls, *, commanded_mm: Numbers, measured_mm: Numbers, std_mm: Numbers, **others: Any
+    ) -> Sightings:
+        """Of a device that tells one number (n,) of each row, of the tool seen from the work, with its uncertainty.
+
+        `others` are the attributes that no device tells in its own way.
+        """
+        n_rows = len(commanded_mm)
+        measured, is_measured = np.zeros((n_rows, 3)), np.zeros((n_rows, 3), dtype=bool)
+        measured[:, 0], is_measured[:, 0] = measured_mm, True
+        whitening = np.zeros((n_rows, 3, 3))
+        whitening[:, 0, 0] = 1.0 / std_mm
+        return cls(
+            commanded_mm=commanded_mm,
+            offset_mm=np.zeros((n_rows, 3)),
+            measured_mm=measured,
+            is_measured=is_measured,
+            whitening=whitening,
+            carrier=np.full(n_rows, CARRIERS.index("relative"), dtype=np.uint8),
+            **others,
+        )
+
     def __len__(self) -> int:
         return len(self.commanded_mm)
 
