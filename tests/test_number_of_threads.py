@@ -111,10 +111,10 @@ def test_every_public_function_refuses_what_is_no_number_of_threads(public: Call
     }
     assert taking == set(public) | IN_VISION
     assert _untold(public, -1) == {}
-    assert _untold(public, 1.5) == {}  # type: ignore[arg-type]  # the point of the test
+    assert _untold(public, 1.5) == {}  # type: ignore[arg-type]  # 1.5 is no number of threads
 
 
 def test_so_do_those_of_the_rooms_before_they_begin(others: Calls, tmp_path: Path) -> None:
     assert _untold(others, -1) == {}
-    assert _untold(others, 1.5) == {}  # type: ignore[arg-type]  # the point of the test
+    assert _untold(others, 1.5) == {}  # type: ignore[arg-type]  # 1.5 is no number of threads
     assert list(tmp_path.iterdir()) == []

@@ -178,7 +178,7 @@ def test_a_single_place_of_an_edge_is_in_its_middle(told: tuple[FitResult, Rig])
 @pytest.mark.parametrize("n", [0, -1, 2.5, (2, 3), (2, 3, 0), (2, 3, 4, 5), (2, 3, 4.0), "two", None])
 def test_what_is_no_number_of_places_is_refused(told: tuple[FitResult, Rig], n: object) -> None:
     with pytest.raises(ShapeError, match=r"^n is .*\nhint: write how many places .* along each edge of the volume"):
-        uncertainty_map(uncertainty_budget(told[0]), n)  # type: ignore[arg-type]  # the point of the test
+        uncertainty_map(uncertainty_budget(told[0]), n)  # type: ignore[arg-type]  # n may be no number of places
 
 
 def _axes_mm(volume: UncertaintyMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -46,7 +46,7 @@ def test_what_a_fit_gives_is_taken_as_its_fit_is() -> None:
     assert [plan.name for plan in of_result.plans] == [plan.name for plan in of_fit.plans]
     np.testing.assert_array_equal(of_result.gains, of_fit.gains)
     with pytest.raises(ShapeError, match=r"^fitted: a value of type Model was given\nhint: give what fit_model"):
-        adviser_of(result.model, terms)  # type: ignore[arg-type]  # the point of the test
+        adviser_of(result.model, terms)  # type: ignore[arg-type]  # a model is no fit
 
 
 def test_nothing_is_not_written(tmp_path: Path) -> None:

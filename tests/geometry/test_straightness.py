@@ -170,4 +170,4 @@ def test_refusals_name_argument_and_index() -> None:
     with pytest.raises(ShapeError, match="1 positions: a range needs at least two"):
         remove_line([0.0], [1.0])
     with pytest.raises(GeoerrError, match=r"^rule cannot be 'cubic'\nhint: write one of 'trapezoid', 'simpson'$"):
-        integrate_straightness([0.0, 1.0, 2.0], values, "cubic")  # type: ignore[arg-type]  # the point of the test
+        integrate_straightness([0.0, 1.0, 2.0], values, "cubic")  # type: ignore[arg-type]  # a rule that is none

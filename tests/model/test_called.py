@@ -69,12 +69,12 @@ MODEL = geoerr.Model(MACHINE)
             r"add_effect\(model, observations, reference='backlash:x'\)",
         ),
         (
-            lambda: geoerr.add_effect(MODEL, POINTS, reference=None),  # type: ignore[arg-type]  # the point of the test
+            lambda: geoerr.add_effect(MODEL, POINTS, reference=None),  # type: ignore[arg-type]  # None is no name
             "reference: a value of type NoneType",
             r"ID\[:AXIS\]",
         ),
         (
-            lambda: geoerr.add_effect(MODEL, POINTS, reference="backlash:x", known=MODEL),  # type: ignore[arg-type]  # likewise
+            lambda: geoerr.add_effect(MODEL, POINTS, reference="backlash:x", known=MODEL),  # type: ignore[arg-type]  # a model is no fit
             "known: a value of type Model",
             "the fit of these measurements",
         ),
