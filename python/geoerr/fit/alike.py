@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
-from geoerr.fit.sightings import Integers
+from geoerr.fit.sightings import Integers, Numbers
 
 
 def numbers_of_alike(keys: Sequence[npt.NDArray[Any]]) -> Integers:
@@ -22,3 +22,11 @@ def numbers_of_alike(keys: Sequence[npt.NDArray[Any]]) -> Integers:
     group = np.empty(rows.height, dtype=np.int64)
     group[alike.explode().to_numpy()] = np.repeat(np.arange(len(alike)), alike.list.len().to_numpy())
     return group
+
+
+def scatter_in_groups(values: Numbers, group: Integers) -> tuple[float, int]:
+    """Give the sum of squares of what means of groups leave of values (n,), and its degrees of freedom."""
+    count = np.bincount(group)
+    mean = np.bincount(group, weights=values) / np.maximum(count, 1)
+    deviation = values - mean[group]
+    return float(deviation @ deviation), int((count[count > 1] - 1).sum())

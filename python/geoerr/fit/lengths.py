@@ -118,6 +118,10 @@ def middles_of_lengths(sightings: Sightings) -> Numbers | None:
 
 def other_ends(sightings: Sightings) -> tuple[np.ndarray, np.ndarray]:
     """Give the rows of the first ends of all lengths, (k,), and those of their second ends."""
+    return sightings.once("ends of lengths", _ends)
+
+
+def _ends(sightings: Sightings) -> tuple[np.ndarray, np.ndarray]:
     length = sightings.length
     if length is None:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
@@ -127,9 +131,11 @@ def other_ends(sightings: Sightings) -> tuple[np.ndarray, np.ndarray]:
 
 
 def other_ends_mm(sightings: Sightings) -> Numbers:
-    """Give where the other end of each end of a length was commanded, (n, 3), and 0 in other rows."""
+    """Give where the other end of each end of a length was commanded, (n, 3), 0 in other rows; (n, 0) without any."""
+    if "lengths" not in sightings.frames:
+        return np.zeros((len(sightings), 0))
     places = np.zeros((len(sightings), 3))
-    first, second = sightings.once("ends of lengths", other_ends)
+    first, second = other_ends(sightings)
     places[first], places[second] = sightings.commanded_mm[second], sightings.commanded_mm[first]
     return places
 
@@ -139,7 +145,7 @@ def is_told(sightings: Sightings) -> npt.NDArray[np.bool_]:
     if "lengths" not in sightings.frames:
         return sightings.is_measured
     result = sightings.is_measured.copy()
-    result[sightings.once("ends of lengths", other_ends)[0]] = False
+    result[other_ends(sightings)[0]] = False
     return result
 
 
@@ -157,7 +163,7 @@ def of_whole_lengths(sightings: Sightings, residual_mm: Numbers, *, size: float 
     """
     if "lengths" not in sightings.frames:
         return residual_mm
-    first, second = sightings.once("ends of lengths", other_ends)
+    first, second = other_ends(sightings)
     result = residual_mm.copy()
     result[first] = 0.0
     result[second] *= size

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from geoerr.column_names import is_temperature
-from geoerr.fit.alike import numbers_of_alike
+from geoerr.fit.alike import numbers_of_alike, scatter_in_groups
 from geoerr.fit.lengths import of_the_headline, other_ends_mm
 from geoerr.fit.reversals import unstated_turns
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
@@ -210,17 +210,12 @@ def where(mask: np.ndarray) -> np.ndarray | slice:
 
 
 def _pooled(values: Numbers, is_seen: np.ndarray, group: np.ndarray) -> tuple[Numbers, np.ndarray]:
-    n_groups = int(group.max()) + 1 if len(group) else 0
     variance, dof = np.full(3, np.nan), np.zeros(3, dtype=np.int64)
     for component in range(3):
         seen = where(is_seen[:, component])
-        count = np.bincount(group[seen], minlength=n_groups)
-        total = np.bincount(group[seen], weights=values[seen, component], minlength=n_groups)
-        mean = total / np.maximum(count, 1)
-        deviation = values[seen, component] - mean[group[seen]]
-        dof[component] = int((count[count > 1] - 1).sum())
+        total, dof[component] = scatter_in_groups(values[seen, component], group[seen])
         if dof[component]:
-            variance[component] = float(deviation @ deviation) / dof[component]
+            variance[component] = total / dof[component]
     return variance, dof
 
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.fit.alike import numbers_of_alike
+from geoerr.fit.alike import numbers_of_alike, scatter_in_groups
 from geoerr.fit.lengths import other_ends
 from geoerr.fit.noise import groups_of
 from geoerr.fit.sightings import SAME_POSITION_MM, Integers, Numbers, Sightings
@@ -107,11 +107,8 @@ def scatter_of(table: Sightings) -> Scatter | None:
 def _of_lengths(table: Sightings) -> Scatter | None:
     """Tell how much lengths scatter: by those that were measured again alike, for they come in no order."""
     _, second = other_ends(table)
-    group, measured_mm = groups_of(table)[second], table.measured_mm[second, 0]
-    count = np.bincount(group)
-    dof = len(group) - int((count > 0).sum())
-    left_mm = measured_mm - (np.bincount(group, weights=measured_mm) / np.maximum(count, 1))[group]
-    std_mm = math.sqrt(float(left_mm @ left_mm) / dof) if dof else 0.0
+    squares_mm2, dof = scatter_in_groups(table.measured_mm[second, 0], groups_of(table)[second])
+    std_mm = math.sqrt(squares_mm2 / dof) if dof else 0.0
     if dof < _LEAST_OF_LENGTHS or std_mm <= _LEAST_STD_MM:
         return None
     told = np.full((1, 3), np.nan)

@@ -182,7 +182,7 @@ class Sightings:
         """Whether no device saw a position or a radius."""
         return set(self.frames) == {"lengths"}
 
-    @property
+    @cached_property
     def length(self) -> Integers | None:
         """Number of the length that each row (n,) is an end of, -1 of others; None where none is."""
         if "lengths" not in self.frames:

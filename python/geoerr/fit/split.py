@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.distributions import chi_squared_sf, f_sf
+from geoerr.fit.alike import scatter_in_groups
 from geoerr.fit.figures import figures_of
 from geoerr.fit.lengths import is_told, of_the_headline, of_whole_lengths
 from geoerr.fit.noise import Repeats, where
@@ -82,13 +83,10 @@ def _variances_mm2(sightings: Sightings) -> tuple[Numbers, np.ndarray]:
 
 
 def _scatter_in_groups(values: Numbers, group: np.ndarray, seen: np.ndarray) -> tuple[float, int]:
-    n_groups = int(group.max()) + 1 if len(group) else 0
     total, dof = 0.0, 0
     for component in range(3):
         rows = where(seen[:, component])
-        count = np.bincount(group[rows], minlength=n_groups)
-        mean = np.bincount(group[rows], weights=values[rows, component], minlength=n_groups) / np.maximum(count, 1)
-        deviation = values[rows, component] - mean[group[rows]]
-        total += float(deviation @ deviation)
-        dof += int((count[count > 1] - 1).sum())
+        squares, n_free = scatter_in_groups(values[rows, component], group[rows])
+        total += squares
+        dof += n_free
     return total, dof

@@ -24,8 +24,8 @@ pub struct PyFitProblem {
     start: State,
 }
 
-/// How each session's device stands: kinds (0 free, 1 parallel, 2 circle, 3 lengths), measured_from_base, translation or centre,
-/// excess radius, pivot.
+/// How each session's device stands: kinds (0 free, 1 parallel, 2 circle, 3 lengths), measured_from_base, translation
+/// or centre, excess radius, pivot.
 type FrameArrays<'py> = (
     PyReadonlyArray1<'py, u8>,
     PyReadonlyArray3<'py, f64>,
