@@ -28,7 +28,13 @@ from geoerr.fit.other_units import other_units
 from geoerr.fit.passes import passes_of
 from geoerr.fit.scatter import scatter_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
-from geoerr.fit.unbelievable import LEAST_STD_MM, NOT_POSITIVE, place_of_unbelievable, unbelievable_rows
+from geoerr.fit.unbelievable import (
+    LEAST_STD_MM,
+    NOT_POSITIVE,
+    place_of_unbelievable,
+    stated_std_mm,
+    unbelievable_rows,
+)
 from geoerr.fit.weights import weighed
 from geoerr.machine import AXES, Machine
 from geoerr.model.called import check_tables
@@ -239,15 +245,7 @@ def _of_circle(test: CircularTest) -> Sightings:
     for number in range(int(pass_number.max(initial=-1)) + 1):
         rows = pass_number.ravel() == number
         commanded[rows] = on_their_circle(commanded[rows])
-    std_mm = frame["sr"].cast(pl.Float64).to_numpy() if "sr" in frame.columns else np.full(n_rows, np.nan)
-    is_stated = bool((np.isfinite(std_mm) & (std_mm >= LEAST_STD_MM)).all())
-    notes: tuple[str, ...] = ()
-    if not is_stated and np.isfinite(std_mm).any():
-        lacking = int((~(std_mm >= LEAST_STD_MM)).sum())
-        notes = (
-            f"the uncertainty sr is lacking, or too small to be one, in {lacking} of {n_rows} radii: "
-            "it is not used in the others either",
-        )
+    std_mm, is_stated, notes = stated_std_mm(frame, "sr", "radii")
     return Sightings.of_one_number(
         table=frame,
         commanded_mm=commanded,

@@ -16,7 +16,7 @@ import polars as pl
 
 from geoerr.errors import GeometryError
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
-from geoerr.fit.unbelievable import LEAST_STD_MM
+from geoerr.fit.unbelievable import stated_std_mm
 from geoerr.observations import Lengths
 from geoerr.summaries import counted, place_of_row
 
@@ -54,7 +54,7 @@ def sightings_of_lengths(lengths: Lengths) -> Sightings:
     table = frame.drop(*_ENDS[0], *_ENDS[1])[row].with_columns(
         pl.Series(name, commanded_mm[:, number]) for number, name in enumerate(("x", "y", "z"))
     )
-    std_mm, is_stated, notes = _uncertainties(frame, kept)
+    std_mm, is_stated, notes = stated_std_mm(frame[kept], "s_measured", "lengths")
     # Of two ends that are independent; one that states nothing is as sure as a component of a point.
     of_end_mm = (std_mm if is_stated else np.ones(len(kept))) / np.sqrt(2.0)
     return Sightings.of_one_number(
@@ -179,22 +179,6 @@ def _from_the_lower_end(ends_mm: Numbers) -> Numbers:
 
 def _columns(frame: pl.DataFrame, names: tuple[str, ...]) -> Numbers:
     return np.column_stack([frame[name].cast(pl.Float64).to_numpy() for name in names]).astype(np.float64)
-
-
-def _uncertainties(frame: pl.DataFrame, kept: np.ndarray) -> tuple[Numbers, bool, tuple[str, ...]]:
-    """Give the standard uncertainty of each length (k,), whether it is stated, and what the reader should know."""
-    if "s_measured" not in frame.columns:
-        return np.full(len(kept), np.nan), False, ()
-    std_mm = frame["s_measured"].cast(pl.Float64, strict=False).to_numpy()[kept].astype(np.float64)
-    is_known = np.isfinite(std_mm) & (std_mm >= LEAST_STD_MM)
-    if is_known.all() or not np.isfinite(std_mm).any():
-        return std_mm, bool(is_known.all()), ()
-    lacking = int((~is_known).sum())
-    note = (
-        f"the uncertainty s_measured is lacking, or too small to be one, in {lacking} of {len(kept)} lengths: it is "
-        "not used in the others either"
-    )
-    return std_mm, False, (note,)
 
 
 def _refuse_strangers(

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
+import polars as pl
 
 from geoerr.fit.columns import stated_rows
 from geoerr.fit.sightings import Numbers
@@ -28,6 +29,25 @@ def unbelievable_rows(covariance_mm2: Numbers | None, is_measured: npt.NDArray[n
     padded = padded + np.eye(3) * (~is_measured)[:, None, :]
     is_positive = np.linalg.eigvalsh(padded)[:, 0] >= LEAST_STD_MM**2
     return np.asarray(stated_rows(covariance_mm2, is_measured) & ~is_positive)
+
+
+def stated_std_mm(frame: pl.DataFrame, column: str, what: str) -> tuple[Numbers, bool, tuple[str, ...]]:
+    """Give the standard uncertainty of each row that states one number, (n,); whether all state it; and a note.
+
+    `what` names the numbers, in the plural.
+    """
+    if column not in frame.columns:
+        return np.full(frame.height, np.nan), False, ()
+    std_mm = frame[column].cast(pl.Float64, strict=False).to_numpy().astype(np.float64)
+    is_known = np.isfinite(std_mm) & (std_mm >= LEAST_STD_MM)
+    if is_known.all() or not np.isfinite(std_mm).any():
+        return std_mm, bool(is_known.all()), ()
+    lacking = int((~is_known).sum())
+    note = (
+        f"the uncertainty {column} is lacking, or too small to be one, in {lacking} of {frame.height} {what}: it is "
+        "not used in the others either"
+    )
+    return std_mm, False, (note,)
 
 
 def place_of_unbelievable(observations: Observations, rows: npt.NDArray[np.bool_]) -> Iterator[str]:
