@@ -18,7 +18,7 @@ from geoerr.diagnose.space import INSIDE, independent, unseen_of_pass
 from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.held_out import LEAST_FOLDS, folds_of
-from geoerr.fit.lengths import of_whole_lengths
+from geoerr.fit.lengths import told_in_base_axes
 from geoerr.fit.sightings import Numbers
 
 # What is added may take this share of a direction of a pass before the pass is solved anew.
@@ -96,8 +96,7 @@ class HeldOutAfter:
             own, own_solved = (all_[one.rows].reshape(3 * len(one.rows), -1) for all_ in (columns, solved))
             unseen[one.rows] = one.unseen(own, own_solved).reshape(-1, 3)
         mm = np.einsum("nij,nj->ni", fitted.sightings.unwhitening, unseen)
-        in_base_axes = fitted.problem.in_base_axes(fitted.solved.state, np.ascontiguousarray(mm))
-        base = of_whole_lengths(fitted.sightings, in_base_axes)
+        base = told_in_base_axes(fitted.sightings, fitted.problem, fitted.solved.state, mm)
         computable = np.isfinite(before.residual_mm).all(axis=1) & fitted.solved.used
         return figures_of(fitted.sightings, base, computable).headline_um
 

@@ -14,7 +14,7 @@ from geoerr.error_functions import NotDetermined
 from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.held_out import HeldOut, folds_of, leave_out
 from geoerr.fit.knots import KnotChoice
-from geoerr.fit.lengths import of_whole_lengths
+from geoerr.fit.lengths import told_in_base_axes
 from geoerr.fit.noise import Repeats, repeats_of
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
@@ -121,8 +121,7 @@ class Fitted:
     @cached_property
     def residual_mm(self) -> Numbers:
         """Measured minus predicted in base axes, (n, 3); radii, and lengths at second ends, in the first one."""
-        in_base_axes = self.problem.in_base_axes(self.solved.state, self.solved.residual_mm)
-        return of_whole_lengths(self.sightings, in_base_axes)
+        return told_in_base_axes(self.sightings, self.problem, self.solved.state, self.solved.residual_mm)
 
     @cached_property
     def figures(self) -> ErrorFigures:

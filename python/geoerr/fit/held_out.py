@@ -13,7 +13,7 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.fit.figures import ErrorFigures, figures_of
-from geoerr.fit.lengths import is_told, of_whole_lengths
+from geoerr.fit.lengths import is_told, of_whole_lengths, told_in_base_axes
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import N_UNKNOWNS, ON_A_LINE
 from geoerr.fit.variables import times_s
@@ -124,7 +124,7 @@ def leave_out(
     )
     # W is symmetric with a component's row and column taken out together: its pseudo-inverse undoes the rest.
     held[order] = np.einsum("nij,nj->ni", sightings.unwhitening[order], whitened)
-    base = of_whole_lengths(sightings, problem.in_base_axes(state, np.ascontiguousarray(np.nan_to_num(held))))
+    base = told_in_base_axes(sightings, problem, state, np.nan_to_num(held))
     computable = used & np.isfinite(held).all(axis=1)
     base[~computable] = np.nan
     folds = int(sum(is_determined))

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr import _core
 from geoerr.errors import GeometryError
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.unbelievable import stated_std_mm
@@ -168,6 +169,13 @@ def of_whole_lengths(sightings: Sightings, residual_mm: Numbers, *, size: float 
     result[first] = 0.0
     result[second] *= size
     return result
+
+
+def told_in_base_axes(
+    sightings: Sightings, problem: _core.FitProblem, state: _core.FitState, residual_mm: Numbers
+) -> Numbers:
+    """Give residuals (n, 3) of what was told: of points in base axes, of lengths whole at their second ends."""
+    return of_whole_lengths(sightings, problem.in_base_axes(state, np.ascontiguousarray(residual_mm)))
 
 
 def _from_the_lower_end(ends_mm: Numbers) -> Numbers:
