@@ -36,9 +36,9 @@ from geoerr.diagnose.change import add_terms
 from geoerr.diagnose.offers import Offers
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
-from geoerr.diagnose.scan import OWNED, Scanner, all_channels
+from geoerr.diagnose.scan import Scanner, all_channels
 from geoerr.diagnose.search import Bench, look, search
-from geoerr.diagnose.space import Space
+from geoerr.diagnose.space import OWNED, Space
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, Fitted, fit_terms, result_of

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.diagnose.scan import OWNED, raw_columns
-from geoerr.diagnose.space import Channels, Space
+from geoerr.diagnose.scan import raw_columns
+from geoerr.diagnose.space import OWNED, Channels, Space
 
 Numbers = npt.NDArray[np.float64]
 

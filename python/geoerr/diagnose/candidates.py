@@ -18,6 +18,7 @@ import numpy as np
 from geoerr.diagnose.classic import lacking_classics
 from geoerr.diagnose.faded import has_heights, shows_at, wanting_words
 from geoerr.diagnose.functions import CompiledPart, Functions
+from geoerr.diagnose.steady import judge_about_means
 from geoerr.effects.collection import Catalogue
 from geoerr.effects.covariates import columns_wanting, temperature_choices
 from geoerr.effects.description import FormSpec
@@ -174,7 +175,9 @@ def candidates_of(
                 offered.append((reference, effect, terms, refined))
         if references and len(offered) == n_before and not any(str(one) in taken for one in references):
             not_offered.append((effect.id, "wanting: rows at more than one position of its axis"))
-    functions = Functions(fitted, [term for *_, terms, refined in offered for term in (*terms, *refined)])
+    all_terms = [term for *_, terms, refined in offered for term in (*terms, *refined)]
+    functions = Functions(fitted, all_terms)
+    judge_about_means(fitted, functions, all_terms)
     found, faded = _laid_out(functions, offered, fitted.solved.used)
     return found, [*not_offered, *faded], functions
 

@@ -94,6 +94,7 @@ class Functions:
         self._series = Columns(self.n_rows)
         self._trials = Trials()
         self._proportional: dict[int, bool] = {}
+        self._means: dict[tuple[str, int, str], float] = {}
         self._given = Columns(self.n_rows)
         self._products: list[tuple[int, int]] = []
 
@@ -106,10 +107,38 @@ class Functions:
 
     def parts(self, term: Term, part: Part) -> list[CompiledPart]:
         """Compile a part of a term: two for what is proportional to a difference of two temperatures."""
+        return [self._about_its_mean(one) for one in self._parts(term, part)]
+
+    def center(self, part: CompiledPart, used: np.ndarray) -> None:
+        """From now on let a part follow its column less the mean over some rows (n,)."""
+        assert part.follows is not None
+        followed = self.followed(part)[used]
+        self._means[_key_of_mean(part)] = float(followed[np.isfinite(followed)].mean())
+
+    def _about_its_mean(self, part: CompiledPart) -> CompiledPart:
+        if part.follows is None or _key_of_mean(part) not in self._means:
+            return part
+        text, place = part.follows
+        return replace(part, follows=(f"{text} - ({self._means[_key_of_mean(part)]!r})", place))
+
+    def followed(self, part: CompiledPart) -> Numbers:
+        """Give the column that a part follows, without a lag, (n,)."""
+        assert part.follows is not None
+        return self._series[self._series_of_text(part.follows[0], None)]
+
+    def carrier(self, part: CompiledPart, inner: Sequence[float]) -> Numbers:
+        """Give what multiplies the column that a part is proportional to, (k, n), at values of inner parameters."""
+        variables = self._variables(None)
+        variables[-1] = 1.0
+        own = np.array([inner[place] for place in part.inner], dtype=np.float64)
+        values = self.expression(part).coefficient_columns(variables, own, self.starts, self.times, 1)
+        return np.nan_to_num(values.T, nan=0.0, posinf=0.0, neginf=0.0)
+
+    def _parts(self, term: Term, part: Part) -> list[CompiledPart]:
         whole = self._part(term, part)
         if whole.follows is None:
             return [whole]
-        is_proportional = self._is_proportional(whole, term)
+        is_proportional = self.is_proportional(whole, term)
         text, place = whole.follows
         match = _SERIES_TEXT.fullmatch(text)
         if match is None or not match[2].startswith("temp_") or not is_proportional:
@@ -122,7 +151,8 @@ class Functions:
             for name, sign in zip(match.groups(), (1.0, -1.0), strict=True)
         ]
 
-    def _is_proportional(self, part: CompiledPart, term: Term) -> bool:
+    def is_proportional(self, part: CompiledPart, term: Term) -> bool:
+        """Tell whether a part of a term is proportional to the column that it follows."""
         if part.expression not in self._proportional:
             expression = self.expression(part)
             inner = np.array([_middle_of(term.inner[place]) for place in part.inner], dtype=np.float64)
@@ -194,7 +224,9 @@ class Functions:
         if part.follows is None:
             return None
         text, place = part.follows
-        tau_s = None if place is None else inner[place]
+        return self._series_of_text(text, None if place is None else inner[place])
+
+    def _series_of_text(self, text: str, tau_s: float | None) -> int:
         if (text, tau_s) not in self._series_of:
             if text not in self._lags:
                 self._lags[text] = _core.Expression(f"c*lag({text}, tau)", list(self.names), ["c"], ["tau"], {})
@@ -308,6 +340,11 @@ class Functions:
             ],
             threads,
         )
+
+
+def _key_of_mean(part: CompiledPart) -> tuple[str, int, str]:
+    assert part.follows is not None
+    return part.channel, part.expression, part.follows[0]
 
 
 def _without_series(

@@ -23,11 +23,9 @@ from geoerr import _core
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.null import N_DRAWS
-from geoerr.diagnose.space import Channels, NumbersOfDraws, Space, independent, lengths
+from geoerr.diagnose.space import OWNED, Channels, NumbersOfDraws, Space, independent, lengths
 from geoerr.fit.sightings import Numbers
 
-# Directions of which the model leaves a smaller share are the model's own: nothing can be said of them. The core's.
-OWNED = 0.002
 # Directions of a group of columns below this share of the largest are no directions of their own. The core's.
 _DEPENDENT = 1e-8
 # A coefficient has a part in a direction of unit length if it is more than this.

@@ -1,0 +1,93 @@
+"""Temperatures that hardly change: what follows them is judged about their mean, where the model has the rest.
+
+A machine at 120 ± 3 °C has grown by 100 K times its coefficient, and of that a model with a scale has all but 3 K. As
+α T q the growth lies in the model but for a thousandth of its square, and of what a model leaves so little nothing is
+said: as little of anything is left by functions that are not fine enough. As α (T − T̄) q it spans the same beside the
+model, and is judged by what can be seen of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.diagnose.functions import CompiledPart, Functions
+from geoerr.diagnose.space import OWNED, Channels, freedom_of
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import Numbers
+from geoerr.terms import Parameter, Term
+
+# A temperature whose variance is a smaller share of its mean square, both above what it is told from. One that rises
+# evenly from there has a quarter.
+_STEADY = 0.1
+# Columns that are held against the model at a time.
+_TOGETHER = 64
+
+
+def judge_about_means(fitted: Fitted, functions: Functions, terms: Iterable[Term]) -> None:
+    """Let what follows a steady temperature be judged about its mean, where a fit owns what it is multiplied with."""
+    used = fitted.solved.used
+    asked: dict[tuple[str, int], tuple[list[CompiledPart], list[Numbers]]] = {}
+    for term in terms:
+        for part in term.parts:
+            parts = functions.parts(term, part)
+            if parts[0].follows is None or not functions.is_proportional(parts[0], term):
+                continue
+            if not _is_steady(_followed(functions, parts)[used]):
+                continue
+            own, columns = asked.setdefault((parts[0].channel, parts[0].expression), ([], []))
+            own += parts
+            columns += [functions.carrier(parts[0], inner) for inner in _some_values(term.inner, parts[0])]
+    if not asked:
+        return
+    owned = _are_owned(fitted, {key: np.concatenate(columns) for key, (_, columns) in asked.items()})
+    for key, (parts, _) in asked.items():
+        if owned[key]:
+            for one in parts:
+                functions.center(one, used)
+
+
+def _followed(functions: Functions, parts: Sequence[CompiledPart]) -> Numbers:
+    """Give what a part follows, (n,): of two that are one difference of temperatures the difference."""
+    columns = [np.sign(one.factor * parts[0].factor) * functions.followed(one) for one in parts]
+    return np.asarray(np.sum(columns, axis=0))
+
+
+def _is_steady(values: Numbers) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(len(known)) and float(known.var()) < _STEADY * float((known**2).mean())
+
+
+def _some_values(inner: Sequence[Parameter], part: CompiledPart) -> Iterable[list[float]]:
+    """Give all inner parameters of a term at ends and middles of those that a part has."""
+    choices = []
+    for place, one in enumerate(inner):
+        if np.isfinite(one.value) or one.low is None or one.high is None:
+            choices.append([one.value])
+        elif place not in part.inner:
+            choices.append([one.low])
+        else:
+            choices.append([one.low, 0.5 * (one.low + one.high), one.high])
+    return map(list, itertools.product(*choices))
+
+
+def _are_owned(fitted: Fitted, columns: dict[tuple[str, int], Numbers]) -> dict[tuple[str, int], bool]:
+    """Tell of columns (k, n) by their channel whether the model leaves less of each than it does of anything."""
+    rows = (fitted.sightings.is_measured & fitted.solved.used[:, None]).astype(np.float64)
+    channels = Channels(fitted, rows, threads=fitted.threads)
+    channels.need([channel for channel, _ in columns])
+    basis = freedom_of(fitted, fitted.solved.used, threads=fitted.threads).reshape(rows.size, -1)
+    owned = dict.fromkeys(columns, True)
+    listed = [(key, column) for key, own in columns.items() for column in own]
+    for start in range(0, len(listed), _TOGETHER):
+        some = listed[start : start + _TOGETHER]
+        moved = np.stack([(channels[key[0]] * column[:, None]).ravel() for key, column in some], axis=1)
+        inside = _core.products_of_columns(basis, moved, fitted.threads)
+        whole = np.einsum("nk,nk->k", moved, moved)
+        left = whole - np.einsum("kr,kr->k", inside, inside)
+        for (key, _), is_owned in zip(some, left <= OWNED * whole, strict=True):
+            owned[key] = owned[key] and bool(is_owned)
+    return owned
