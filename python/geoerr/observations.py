@@ -76,6 +76,8 @@ LENGTH_COLUMNS = Schema(
     whole_numbers=("repeat",),
     texts=("feature", "group"),
 )
+# Three years: a time that begins later counts from no session's begin.
+_SINCE_NO_SESSION_S = 1e8
 # Filled in where a column or a cell is absent (docs/reference/formats/observations.md).
 _TEXT_DEFAULTS = {"line": "", "target": "", "carrier": "tool"}
 _NUMBER_DEFAULTS = {"tx": 0.0, "ty": 0.0, "tz": 0.0}
@@ -277,7 +279,7 @@ def read_observations(*paths: str | Path, ranges_mm: Mapping[str, tuple[float, f
     names = _session_names(frames)
     whole = [_with_defaults(frame, session=name) for frame, name in zip(frames, names, strict=True)]
     merged = pl.concat(whole, how="diagonal_relaxed")
-    return Observations(_ordered_by_time(merged), tuple(str(path) for path in paths), tuple(problems))
+    return Observations(_in_time(merged), tuple(str(path) for path in paths), tuple(problems))
 
 
 def _refuse_unmeasured(raw: pl.DataFrame, path: str | Path) -> None:
@@ -392,7 +394,7 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
                 remedy="times (t) are seconds since the session began",
             )
     frame, problems = check(raw, POINT_COLUMNS, source)
-    return Observations(_ordered_by_time(_with_defaults(frame, session="0")), (source,), problems)
+    return Observations(_in_time(_with_defaults(frame, session="0")), (source,), problems)
 
 
 def _frame_of(columns: Mapping[str, object], source: str) -> pl.DataFrame:
@@ -542,14 +544,20 @@ def _session_names(frames: Sequence[pl.DataFrame]) -> list[str]:
     return [next(free) if str(number) in stated else str(number) for number in range(len(frames))]
 
 
-def _ordered_by_time(frame: pl.DataFrame) -> pl.DataFrame:
+def _in_time(frame: pl.DataFrame) -> pl.DataFrame:
+    """Order rows by their time in each session; where it counts seconds since 1970, let it count from the begin."""
     if "t" not in frame.columns:
         return frame
-    parts = [
-        part if part["t"].null_count() else part.sort("t", maintain_order=True)
-        for part in frame.partition_by("session", maintain_order=True)
-    ]
-    return pl.concat(parts)
+    return pl.concat(map(_session_in_time, frame.partition_by("session", maintain_order=True)))
+
+
+def _session_in_time(part: pl.DataFrame) -> pl.DataFrame:
+    if not part["t"].null_count():
+        part = part.sort("t", maintain_order=True)
+    begin_s = part["t"].min()
+    if isinstance(begin_s, float) and begin_s > _SINCE_NO_SESSION_S:
+        return part.with_columns(t=pl.col("t") - begin_s)
+    return part
 
 
 def _directions_from_order(commanded_mm: Numbers) -> npt.NDArray[np.int8]:

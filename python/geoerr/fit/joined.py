@@ -19,6 +19,7 @@ from geoerr.errors import GeometryError
 from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
+from geoerr.fit.late_clocks import late_clocks
 from geoerr.fit.lengths import sightings_of_lengths
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
@@ -80,6 +81,7 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
             dict.fromkeys(name for part in parts if not part.has_lengths_only for name in part.table.columns)
         ),
         *other_units(joined),
+        *late_clocks(joined),
         *odd_directions(joined),
         *targets_that_moved(joined),
     )

@@ -1,0 +1,53 @@
+"""Times of a clock: what drifts with time was called unseen where a computer had told seconds since 1970."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geoerr.fit.joined import sightings_of
+from geoerr.fit.sightings import Sightings
+from geoerr.observations import observations_from_columns
+
+EPOCH_S = 1_764_444_000.0
+N = 20
+
+
+def seen(*begins_s: float, duration_s: float = 600.0) -> Sightings:
+    """Give sessions of some rows each that begin at these times."""
+    places = np.random.default_rng(1).uniform(0.0, 300.0, (N * len(begins_s), 3))
+    t = np.concatenate([begin_s + np.linspace(0.0, duration_s, N) for begin_s in begins_s])
+    columns: dict[str, object] = {"session": np.repeat([f"s{k}" for k in range(len(begins_s))], N).tolist(), "t": t}
+    for k, axis in enumerate("xyz"):
+        columns |= {axis: places[:, k], f"m{axis}": places[:, k]}
+    return sightings_of(observations_from_columns(columns))
+
+
+def told(sightings: Sightings) -> list[str]:
+    return [note for note in sightings.notes if "session's begin" in note]
+
+
+def test_seconds_since_1970_count_from_the_begin_of_each_session() -> None:
+    sightings = seen(EPOCH_S, EPOCH_S + 7200.0)
+    np.testing.assert_allclose(sightings.numbers("t"), np.tile(np.linspace(0.0, 600.0, N), 2), atol=1e-6)
+    assert not told(sightings)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 30.0, 3600.0, -100.0])
+def test_times_of_a_session_stay_as_they_are(begin_s: float) -> None:
+    sightings = seen(begin_s)
+    assert sightings.numbers("t")[0] == begin_s
+    assert not told(sightings)
+
+
+def test_a_time_of_day_is_told() -> None:
+    (note,) = told(seen(36_000.0, 43_200.0))
+    assert note.startswith("the time t begins at 36000 s in a session of 600 s")
+
+
+def test_a_time_that_runs_on_from_session_to_session_is_not_told() -> None:
+    assert not told(seen(*np.arange(20) * 700.0))
+
+
+def test_a_session_without_duration_is_not_told() -> None:
+    assert not told(seen(36_000.0, duration_s=0.0))
