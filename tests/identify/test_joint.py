@@ -220,3 +220,28 @@ def test_tables_know_the_data_that_they_came_from(
     document["data"] = {"digest": 7}
     with pytest.raises(InputFileError, match=r"data\.digest"):
         errors_from_document(document, path)
+
+
+@pytest.mark.parametrize(("n_places", "is_told"), [(5, True), (25, False)])
+def test_a_squareness_that_is_another_beside_so_few_entries_is_told(n_places: int, is_told: bool) -> None:
+    """Of a guideway like an S the polygon through five places has another slope than the curve."""
+    rng = np.random.default_rng(1)
+    along = np.linspace(0.0, 400.0, n_places)
+    lines = [(axis, one) for axis in range(3) for one in rng.uniform(0.0, 400.0, (8, 3))]
+    q = np.array([np.insert(np.delete(one, axis), axis, at) for axis, one in lines for at in along])
+    u = (q[:, 0] - 200.0) / 200.0
+    bent_mm = 0.02 * (5.0 * u**3 - 3.0 * u)
+    seen = q + np.outer(bent_mm, [0.0, 1.0, 0.0]) + 1e-3 * rng.normal(size=q.shape)
+    columns: dict[str, object] = {"carrier": ["relative"] * len(q)}
+    for k, axis in enumerate("xyz"):
+        columns |= {axis: q[:, k], f"m{axis}": seen[:, k]}
+    result = identify_joint(observations_from_columns(columns), machine_of("wbXYZt"))
+    told = [note for note in result.errors.notes if "polygon" in note]
+    assert len(told) == is_told
+    beside_polygons, beside_curves = (
+        1e6 * errors.squareness["EC0Y"].value_rad for errors in (result.errors, result.result.model.error_functions())
+    )
+    if is_told:
+        assert f"EC0Y is {beside_polygons:.1f} µrad" in told[0]
+        assert f"{beside_curves:.1f} beside the curves" in told[0]
+        assert abs(beside_polygons) > 3.0 * abs(beside_curves), "the S has no slope"

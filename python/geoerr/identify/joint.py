@@ -10,7 +10,7 @@ integral of the angle are both linear in the coefficients, and so is their diffe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,6 +35,8 @@ from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observatio
 _MOST_ENTRIES = 101
 # Places of an axis that tell a line from what bends about it.
 _FEWEST_OF_A_LINE = 3
+# A squareness that is another by so many of its standard errors is told.
+_OTHER_SQUARENESS = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +140,7 @@ def identify_joint(
             }
         },
         not_determined=reasons,
-        notes=(*errors.notes, *_notes(chosen, verdicts, straightness)),
+        notes=(*errors.notes, *_notes(chosen, verdicts, straightness), *_too_few_entries(errors, chosen)),
         data_digest=record.data_digest,
     )
     return JointResult(errors, chosen, verdicts)
@@ -242,6 +244,24 @@ def _between(
         angles.append(design @ np.array([p.value for p in by_id[name].coefficients]))
         covariances.append(design @ result.fitted.covariance[spans[name], spans[name]] @ design.T)
     return integral_covariance(places, angles, covariances)
+
+
+def _too_few_entries(errors: ErrorFunctions, result: FitResult) -> Iterator[str]:
+    """Name the squareness that is another beside polygons through so few entries than beside the fitted curves."""
+    closely = result.model.error_functions().squareness
+    shifts = {
+        name: abs(value.value_rad - closely[name].value_rad) / value.std_rad
+        for name, value in errors.squareness.items()
+        if name in closely and value.std_rad
+    }
+    name = max(shifts, key=lambda one: shifts[one], default=None)
+    if name is not None and shifts[name] > _OTHER_SQUARENESS:
+        yield (
+            f"with so few places of an axis the polygon through them is not the curve that was fitted: {name} is "
+            f"{1e6 * errors.squareness[name].value_rad:.1f} µrad beside the polygons of this table, "
+            f"{1e6 * closely[name].value_rad:.1f} beside the curves (`geoerr fit`), and straightness is turned by "
+            "the difference; errors at the places themselves are the same. Measure more places"
+        )
 
 
 def _notes(
