@@ -24,11 +24,12 @@ MODES = "G0 G1 G1 G17 G20 G21 G40 G53 G54 G64 G80 G90 G91 G94 M8"
 modes = st.sampled_from(MODES.split())
 SPECIAL = """
     G2 G3 G4 G10 G28 G29 G41 G43 G49 G55 G61 G81 G92 G93 M6 M82 M83 M84 T1 / ; (a) *12 PARK L2 P1 N5 SET_SKEW M117
-    G92.1 G68 G69 G38.2 G33 G5 M1 M29 M64 M92
+    G92.1 G68 G69 G38.2 G33 G5 M1 M29 M64 M92 G12.1 G13.1 G112 G113 G500 G505 G700 G107 M48
 """
 special = st.lists(st.sampled_from(SPECIAL.split()), max_size=1)
 parts = st.tuples(st.lists(modes, max_size=2), special, st.lists(words, max_size=4, unique_by=lambda word: word[0]))
 line = parts.flatmap(lambda part: st.permutations([*part[0], *part[1], *part[2]])).map(" ".join)
+line |= st.sampled_from(["/1 G91", "N7 /G1 X5", "/ 2 N7 G55", "TRANS X5", "ROT RPL=30", "1 L X+5 R0"])
 line |= st.sampled_from(["%", "M98 P1", "O1 sub", "while true", "M622 J1", "M623", "M01 G0 Z50", "G10 L2 P0 X5"])
 move = st.tuples(st.sampled_from(["G1", "g0", "G01"]), numbers, numbers, numbers).map(
     lambda parts: f"{parts[0]} X{parts[1]} Y{parts[2]} Z{parts[3]} E1.5"

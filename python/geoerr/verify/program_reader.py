@@ -51,6 +51,9 @@ _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 9
 _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # Axis words mean something else until the second code: diameters, polar, scaled, turned; offset by the cutter.
 _TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40.0, 42.0: 40.0, 42.1: 40.0}
+_TRANSFORM |= {12.1: 13.1, 112.0: 113.0, 254.0: 255.0}
+# For good: cylinders, poles, and the units of Siemens' controls.
+_OTHER_MEANING = frozenset((7.1, 107.0, 110.0, 111.0, 700.0, 710.0))
 _TRANSFORM_ENDS = frozenset(_TRANSFORM.values())
 
 
@@ -301,7 +304,7 @@ class ProgramReader:
         return self._take(read_statement(body, is_for_printer=self._firmware is not None))
 
     def _take(self, statement: Statement) -> Move | None:
-        if self._is_not_run(statement):
+        if self._ends_here(statement):
             self._lose()
             return None
         match statement.kind:
@@ -323,8 +326,10 @@ class ProgramReader:
                 return self._words(statement)
         return None
 
-    def _is_not_run(self, statement: Statement) -> bool:
-        """Tell whether the firmware that was named does not run a line as it stands."""
+    def _ends_here(self, statement: Statement) -> bool:
+        """Tell whether a line is not run as it stands by the firmware that was named, or changes what words mean."""
+        if not _OTHER_MEANING.isdisjoint(statement.codes):
+            return True
         # Klipper and Marlin run the first code alone; Klipper stops at inches.
         is_cut = self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1
         return is_cut or (self._firmware == "klipper" and 20.0 in statement.codes)
@@ -422,7 +427,7 @@ class ProgramReader:
 
     def _is_placed(self, statement: Statement) -> bool:
         """Tell whether the coordinate systems that a line selects, if it does, have places that are known."""
-        selected = (_system_of(code) for code in statement.codes if 54.0 <= code < 60.0)
+        selected = (_system_of(code) for code in statement.codes if _selects_system(code))
         return all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
     def _arrive(self, end: Place, extrusion: tuple[int, bool], others: tuple[str, ...] = ()) -> Move | None:
@@ -473,7 +478,7 @@ class ProgramReader:
         elif code in (90.0, 91.0):
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)
-        elif 54.0 <= code < 60.0:
+        elif _selects_system(code):
             modes.system = _system_of(code)
             self._find_zero()
         elif code in (93.0, 94.0, 95.0):
@@ -656,6 +661,11 @@ def _motion_of(code: float) -> Motion | None:
     if code == 80.0:
         return "none"
     return "ends somewhere" if 38.0 <= code < 39.0 or 70.0 <= code < 90.0 else None
+
+
+def _selects_system(code: float) -> bool:
+    """Tell whether a code selects a coordinate system; those of G500 and G505 to G599 are never known."""
+    return 54.0 <= code < 60.0 or code == 500.0 or 505.0 <= code <= 599.0
 
 
 def _system_of(code: float) -> int:

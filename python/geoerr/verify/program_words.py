@@ -9,7 +9,8 @@ import re
 from dataclasses import dataclass, replace
 from enum import Enum
 
-_BEGIN = re.compile(rb"\s*(/?)\s*(?:[Nn]\s*\d+(?:\.\d*)?)?\s*")
+# `/`, or `/1` to `/9`, before a line's number or behind it.
+_BEGIN = re.compile(rb"\s*(/\s*\d?)?\s*(?:[Nn]\s*\d+(?:\.\d*)?\s*(/\s*\d?)?)?\s*")
 _COMMENT = re.compile(rb"\([^)]*\)|;.*")
 _CHECKSUM = re.compile(rb"\*\d*\s*$")
 # `# text`, as Klipper's own files comment; `#1=2` sets a parameter.
@@ -32,6 +33,11 @@ _MACHINING_CODES = frozenset(range(2, 10))
 # M codes and names that decide which line comes next.
 _BRANCHING_CODES = frozenset((97, 98, 99, 198, 808))
 _BRANCHING_NAMES = re.compile(rb"if|elif|else|while|break|continue|abort|goto\d*|then|do\d+|end\d+", re.IGNORECASE)
+# Frames and transformations of Siemens' controls: axis words mean something else from there on.
+_TRANSFORMING_NAMES = re.compile(
+    rb"A?(?:TRANS|ROTS?|SCALE|MIRROR)|CROTS|CYCLE800|MCALL|TRAANG|TRACYL|TRAFOO[FN]|TRANSMIT|TRAORI|TOFRAME|TOROT",
+    re.IGNORECASE,
+)
 # `O1234 (PART)`: the number of a program, or where a subprogram begins.
 _PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -51,7 +57,7 @@ class Kind(Enum):
     WORDS = "letters with numbers"
     M_CODE = "belongs to the M code it begins with"
     ANYWHERE = "may move the machine anywhere"
-    BRANCH = "decides which line comes next"
+    BRANCH = "decides which line comes next, or what axis words mean"
     TAPE = "begin or end of the tape"
     NUMBER = "the number of a program or subprogram"
 
@@ -101,7 +107,7 @@ def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
     """Take a line (without its end) apart, as a printer's firmware reads it or as any controller may."""
     body = body.removeprefix(_BYTE_ORDER_MARK)
     begin = _BEGIN.match(body)
-    is_skipped = begin is not None and begin.group(1) == b"/"
+    is_skipped = begin is not None and (begin.group(1) is not None or begin.group(2) is not None)
     rest = body if begin is None else body[begin.end() :]
     if not rest or rest.startswith(b";") or _TEXT.match(rest):
         return _STILL
@@ -116,7 +122,7 @@ def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
 
 
 def _named(name: bytes) -> Statement:
-    if _BRANCHING_NAMES.fullmatch(name):
+    if _BRANCHING_NAMES.fullmatch(name) or _TRANSFORMING_NAMES.fullmatch(name):
         return _BRANCH
     return _STILL if _STILL_NAMES.fullmatch(name) else _ANYWHERE
 

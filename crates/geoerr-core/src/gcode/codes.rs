@@ -39,7 +39,7 @@ pub enum Code {
     MachineCoordinates,
     /// `G54` to `G59`: 0 to 5.
     System(usize),
-    /// `G59.1` to `G59.3`, `G54.1 P..` (Fanuc), `G154 P..` (Haas).
+    /// `G59.1` to `G59.3`, `G54.1 P..` (Fanuc), `G154 P..` (Haas), `G500`, `G505` to `G599` (Siemens).
     FurtherSystem,
     /// `G40`.
     CompensationOff,
@@ -55,10 +55,12 @@ pub enum Code {
     InverseTime,
     /// `G94`, `G95`.
     FeedRate,
-    /// `G7`, `G16`, `G51`, `G68`.
+    /// `G7`, `G12.1` and `G112` (polar), `G16`, `G51`, `G68`, `G254` (Haas' rotary offsets).
     TransformOn,
-    /// `G8`, `G15`, `G50`, `G69`.
+    /// `G8`, `G13.1`, `G15`, `G50`, `G69`, `G113`, `G255`.
     TransformOff,
+    /// Other axis words from now on: cylinders (`G7.1`, `G107`), poles (`G110`, `G111`), Siemens' units (`G700`, `G710`).
+    OtherMeaning,
     /// `G60`: Marlin remembers the place, to which `G61` then goes.
     SavePlace,
     /// `G61`: exact path, or back to the saved place.
@@ -85,23 +87,24 @@ impl Code {
             100 => Self::Settings,
             280 => Self::Home,
             281 | 301 => Self::StorePlace,
-            120..=129 | 260..=279 | 290..=300 | 320 | 340..=359 | 4250 => Self::MovesItself,
+            120 | 122..=129 | 260..=279 | 290..=300 | 320 | 340..=359 | 4250 => Self::MovesItself,
             920 => Self::SetShift,
             520 | 921..=923 => Self::OtherShift,
             200 | 210 => Self::Unit { is_inch: code10 == 200 },
             900 | 910 => Self::Distance { is_relative: code10 == 910 },
             530 => Self::MachineCoordinates,
             540 | 550 | 560 | 570 | 580 | 590 => Self::System((code10 as usize - 540) / 10),
-            541..=549 | 591..=593 | 1540 => Self::FurtherSystem,
+            541..=549 | 591..=593 | 1540 | 5000 | 5050..=5990 => Self::FurtherSystem,
             400 => Self::CompensationOff,
             410..=429 => Self::CompensationOn,
             430 => Self::ToolLength,
-            431..=449 => Self::ToolPoint,
+            431..=449 | 2340 => Self::ToolPoint,
             490 => Self::ToolLengthOff,
             930 => Self::InverseTime,
             940 | 950 => Self::FeedRate,
-            70 | 160 | 510..=519 | 680..=689 => Self::TransformOn,
-            80 | 150 | 500 | 501 | 690 => Self::TransformOff,
+            70 | 121 | 160 | 510..=519 | 680..=689 | 1120 | 2540 => Self::TransformOn,
+            71 | 1070 | 1100 | 1110 | 7000 | 7100 => Self::OtherMeaning,
+            80 | 131 | 150 | 500 | 501 | 690 | 1130 | 2550 => Self::TransformOff,
             600 => Self::SavePlace,
             610 => Self::ExactOrRestore,
             // G9, G11, G17 to G19, G22, G23, G61.1, G64, G90.1, G91.1, G96 to G99
@@ -124,6 +127,8 @@ pub enum Macro {
     MovesZero,
     /// `if`, `while` ...: which line comes next.
     FlowControl,
+    /// `TRANS`, `ROT` ...: other axis words from now on.
+    Transforms,
     /// `SAVE_GCODE_STATE`: keeps modes and zeros under a name.
     SavesState,
     /// `RESTORE_GCODE_STATE`: takes them up again.
@@ -146,6 +151,27 @@ fn is_branch(name: &[u8]) -> bool {
     words.contains(&name.as_slice()) || [b"goto".as_slice(), b"do", b"end"].into_iter().any(is_numbered)
 }
 
+/// Frames and transformations of Siemens' controls, in capitals; `A` before a frame's name adds to the one that holds.
+fn is_transformation(name: &[u8]) -> bool {
+    const FRAMES: [&[u8]; 5] = [b"TRANS", b"ROT", b"ROTS", b"SCALE", b"MIRROR"];
+    const OTHERS: [&[u8]; 11] = [
+        b"CROTS",
+        b"CYCLE800",
+        b"MCALL",
+        b"TRAANG",
+        b"TRACYL",
+        b"TRAFOOF",
+        b"TRAFOON",
+        b"TRANSMIT",
+        b"TRAORI",
+        b"TOFRAME",
+        b"TOROT",
+    ];
+    FRAMES.contains(&name)
+        || name.strip_prefix(b"A").is_some_and(|rest| FRAMES.contains(&rest))
+        || OTHERS.contains(&name)
+}
+
 impl Macro {
     /// By its name.
     pub fn of(name: &[u8]) -> Self {
@@ -163,6 +189,7 @@ impl Macro {
             b"BED_MESH_OUTPUT" | b"BED_MESH_MAP" => Self::Harmless,
             _ if name.starts_with(b"BED_MESH_") => Self::MeasuresBed,
             b"SET_GCODE_OFFSET" => Self::MovesZero,
+            _ if is_transformation(&name) => Self::Transforms,
             b"SAVE_GCODE_STATE" => Self::SavesState,
             b"RESTORE_GCODE_STATE" => Self::RestoresState,
             b"ACTIVATE_EXTRUDER" => Self::OtherExtruder,
@@ -196,6 +223,10 @@ mod tests {
         assert_eq!(Code::of(541), Code::FurtherSystem, "G54.1");
         assert_eq!(Code::of(1540), Code::FurtherSystem, "G154");
         assert_eq!(Code::of(611), Code::Harmless);
+        assert_eq!(Code::of(7000), Code::OtherMeaning, "G700, not G70");
+        assert_eq!(Code::of(121), Code::TransformOn, "G12.1");
+        assert_eq!(Code::of(120), Code::MovesItself, "G12");
+        assert_eq!(Code::of(5050), Code::FurtherSystem, "G505");
         assert_eq!(Code::of(9999), Code::Unknown);
     }
 
@@ -211,5 +242,9 @@ mod tests {
         assert_eq!(Macro::of(b"END1"), Macro::FlowControl);
         assert_eq!(Macro::of(b"END_PRINT"), Macro::Unknown);
         assert_eq!(Macro::of(b"restore_gcode_state"), Macro::RestoresState);
+        for name in [b"TRANS".as_slice(), b"atrans", b"ROT", b"AMIRROR", b"CYCLE800", b"MCALL"] {
+            assert_eq!(Macro::of(name), Macro::Transforms, "{}", String::from_utf8_lossy(name));
+        }
+        assert_eq!(Macro::of(b"ROTATE_BED"), Macro::Unknown);
     }
 }

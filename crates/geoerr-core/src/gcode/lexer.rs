@@ -92,7 +92,7 @@ pub struct Line {
     pub head: Head,
     /// Its words, without the line number.
     pub words: Vec<Word>,
-    /// Whether it begins with `/`.
+    /// Whether it begins with `/`, or has it behind its number.
     pub is_block_skip: bool,
     /// Whether it ends with a checksum, `*71`.
     pub has_checksum: bool,
@@ -116,19 +116,27 @@ impl Line {
         *self = Self { words, ..Self::default() };
         // The mark that an editor puts before the first line is no part of it.
         let begin = if body.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-        let mut at = blanks(body, begin);
-        if body.get(at) == Some(&b'/') {
-            self.is_block_skip = true;
-            at = blanks(body, at + 1);
-        }
+        // Before the line number, or behind it.
+        let mut at = self.block_skip(body, blanks(body, begin));
         if let Some(behind) = line_number(body, at) {
-            at = blanks(body, behind);
+            at = self.block_skip(body, blanks(body, behind));
         }
         if body.get(at) == Some(&b'%') {
             self.head = Head::Percent;
             return;
         }
         self.words(body, at);
+    }
+
+    /// Place behind a `/`, or behind one of several switches, `/1` to `/9`, that stands at `at`.
+    fn block_skip(&mut self, body: &[u8], at: usize) -> usize {
+        if body.get(at) != Some(&b'/') {
+            return at;
+        }
+        self.is_block_skip = true;
+        let behind = blanks(body, at + 1);
+        let has_number = body.get(behind).is_some_and(u8::is_ascii_digit);
+        if has_number { blanks(body, behind + 1) } else { behind }
     }
 
     /// Leaves what stands behind the first word unread.
@@ -369,7 +377,9 @@ mod tests {
         }
         assert!(lexed("#1=5").has_parameter && lexed("#<depth>=5").has_parameter);
         assert!(!lexed("# X5 to the left").has_parameter && lexed("G1 X5 # left").has_parameter);
-        assert!(lexed("/G1 X5").is_block_skip);
+        for text in ["/G1 X5", "/1 G1 X5", "N7 /G1 X5", "/ 2 N7 G1 X5", "/3G1X5"] {
+            assert!(lexed(text).is_block_skip && shown(text) == "G=1 X=5", "{text}");
+        }
         assert!(lexed("N3 G1 X5*71").has_checksum);
         assert_eq!(lexed("\u{feff}G91").words.len(), 1);
     }

@@ -1,6 +1,6 @@
 //! What happened to a program: counts, the largest correction, and what the user should know.
 
-use super::unsupported::Unsupported;
+use super::unsupported::{After, Unsupported};
 
 /// Something that the user should know; the work went on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,8 +65,8 @@ impl WarningKind {
             Self::Passed(what @ Unsupported::Arc { .. }) => format!(
                 "{what}: passed through untouched; it begins where the corrected move before it ended, which a controller that checks radii may refuse"
             ),
-            Self::Passed(Unsupported::FlowControl) => {
-                format!("{}: this line and all that follow are passed through untouched", Unsupported::FlowControl)
+            Self::Passed(what) if what.after() == After::EverythingLost => {
+                format!("{what}: this line and all that follow are passed through untouched")
             }
             Self::Passed(what) => format!("{what}: passed through untouched"),
             Self::FirmwareCorrects => "the program switches on a correction of the firmware itself: name what it corrects with --firmware-corrects, or it is corrected twice".to_owned(),

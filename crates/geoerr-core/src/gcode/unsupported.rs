@@ -128,9 +128,17 @@ pub enum Unsupported {
     /// Two codes that both want the line's words, such as `G92 X0 G28`.
     #[error("two codes on one line want its words")]
     TwoOwners,
-    /// `/` before a move or a mode.
+    /// `/` before a move.
     #[error("whether a line that begins with / runs is decided at the machine")]
     BlockSkip,
+    /// `/` before a mode, such as `/G91`.
+    #[error(
+        "whether a line that begins with / runs is decided at the machine, and what follows depends on this one"
+    )]
+    BlockSkipOfMode,
+    /// `TRANS`, `ROT`, `MIRROR`, `G700` ... of Siemens' controls, `G107`.
+    #[error("it changes what axis words mean, by numbers that geoerr does not follow")]
+    OtherMeaning,
     /// A line with a checksum that would change.
     #[error("the line has a checksum, and correcting it would make the checksum wrong")]
     Checksum,
@@ -190,7 +198,7 @@ impl Unsupported {
             Self::Arc { .. } => {
                 "let the slicer or CAM write straight moves (switch arc fitting off), or pass it through untouched with --on-unsupported pass"
             }
-            Self::Spline { .. } | Self::Transformed { .. } | Self::ToolPoint { .. } => {
+            Self::Spline { .. } | Self::Transformed { .. } | Self::OtherMeaning | Self::ToolPoint { .. } => {
                 "let the CAM write straight moves in plain coordinates, or use --on-unsupported pass"
             }
             Self::CannedCycle { .. } => {
@@ -228,7 +236,7 @@ impl Unsupported {
             Self::TwoMotionCodes | Self::TwoOwners | Self::SeveralCodes => {
                 "write the codes on lines of their own"
             }
-            Self::BlockSkip => "take the / away, or the line",
+            Self::BlockSkip | Self::BlockSkipOfMode => "take the / away, or the line",
             Self::Checksum => {
                 "strip line numbers and checksums; the host adds them when it sends the program"
             }
@@ -275,9 +283,12 @@ impl Unsupported {
             | Self::BareShift
             | Self::TwoOwners
             | Self::HomingAfterShift => After::ZeroLost,
-            Self::FlowControl | Self::RestoredState | Self::SeveralCodes | Self::NoInches => {
-                After::EverythingLost
-            }
+            Self::FlowControl
+            | Self::BlockSkipOfMode
+            | Self::OtherMeaning
+            | Self::RestoredState
+            | Self::SeveralCodes
+            | Self::NoInches => After::EverythingLost,
         }
     }
 }

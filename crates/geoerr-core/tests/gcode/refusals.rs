@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 64] = [
+    let cases: [(&str, Unsupported); 83] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -82,6 +82,27 @@ fn every_unsupported_line_has_its_reason() {
         ("G1 X5 H1", Unsupported::OddWord { letter: b'H' }),
         ("G1 X--5", Unsupported::Unreadable { column: 5 }),
         ("/G1 X5", Unsupported::BlockSkip),
+        // One of several switches, or behind the line's number.
+        ("/1 G1 X5", Unsupported::BlockSkip),
+        ("N40 /G1 X5", Unsupported::BlockSkip),
+        ("/G91", Unsupported::BlockSkipOfMode),
+        ("/1 G91", Unsupported::BlockSkipOfMode),
+        ("/2G91", Unsupported::BlockSkipOfMode),
+        ("/ 3 G20", Unsupported::BlockSkipOfMode),
+        ("N40 /9 G92 X0", Unsupported::BlockSkipOfMode),
+        ("/1 N40 G55", Unsupported::BlockSkipOfMode),
+        // Words of other controls that change what coordinates are.
+        ("TRANS X100 Y100", Unsupported::OtherMeaning),
+        ("N10 ATRANS Z5", Unsupported::OtherMeaning),
+        ("ROT RPL=30", Unsupported::OtherMeaning),
+        ("amirror X0", Unsupported::OtherMeaning),
+        ("CYCLE800(1,\"T\")", Unsupported::OtherMeaning),
+        ("G700", Unsupported::OtherMeaning),
+        ("G107 C50", Unsupported::OtherMeaning),
+        ("G12.1", Unsupported::Transformed { code10: 121 }),
+        ("G112", Unsupported::Transformed { code10: 1120 }),
+        ("G500", Unsupported::UnknownSystem { code10: 5000 }),
+        ("1 L X+10 Y+10 Z+50 R0 FMAX", Unsupported::Unreadable { column: 1 }),
         ("G1234 X5", Unsupported::UnknownCode { code10: 12340 }),
     ];
     for (program, expected) in cases {

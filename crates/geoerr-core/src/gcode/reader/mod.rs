@@ -382,6 +382,7 @@ impl Reader {
         match Macro::of(name.of(body)) {
             Macro::Harmless => {}
             Macro::FlowControl => return Err(Unsupported::FlowControl),
+            Macro::Transforms => return Err(Unsupported::OtherMeaning),
             Macro::FirmwareCorrection => self.firmware_corrects(body),
             Macro::MovesZero => self.warn(WarningKind::ZeroMoves, body),
             Macro::SavesState => self.save_named(body),
@@ -401,7 +402,13 @@ impl Reader {
 
     fn words_line(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
         let Some(first) = line.words.first() else {
-            return Ok(Step::pass(self.may_move(body)));
+            // The number of a block of Heidenhain's plain text: words with another meaning follow.
+            return match line.unreadable {
+                Some(at) if body[at as usize].is_ascii_digit() => {
+                    Err(Unsupported::Unreadable { column: at + 1 })
+                }
+                _ => Ok(Step::pass(self.may_move(body))),
+            };
         };
         // Text behind M0 or M23 has letters, and seldom numbers.
         let is_code =
@@ -425,7 +432,7 @@ impl Reader {
             let only_moves = line.words.iter().all(|word| {
                 word.letter != b'G' || word.code10().map(Code::of).is_some_and(|code| code == Code::Straight)
             });
-            return Err(if only_moves { Unsupported::BlockSkip } else { Unsupported::FlowControl });
+            return Err(if only_moves { Unsupported::BlockSkip } else { Unsupported::BlockSkipOfMode });
         }
         for word in &line.words {
             match word.letter {

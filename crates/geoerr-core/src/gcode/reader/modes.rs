@@ -129,6 +129,7 @@ impl Reader {
                 asked.refuse(Unsupported::Transformed { code10 });
             }
             Code::TransformOff => modes.transformed = None,
+            Code::OtherMeaning => asked.refuse(Unsupported::OtherMeaning),
             Code::SavePlace => modes.has_saved_place = true,
             Code::ExactOrRestore => {
                 if modes.has_saved_place {

@@ -40,8 +40,8 @@ impl Reader {
             }
             Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
-            // Marlin's repeatability test of the probe.
-            Some(48) => effects.forget = ALL,
+            // Marlin's repeatability test of the probe, other controls' overrides.
+            Some(48) => effects = self.may_move(body),
             _ => {}
         }
         Ok(Step::pass(effects))
