@@ -11,6 +11,7 @@ from virtual_machine import LENGTH_MM, machine_of
 from geoerr.diagnose import compare
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms, result_of
+from geoerr.fit.empirical import empirical_term
 from geoerr.observations import Observations
 
 MACHINE = machine_of("wZbXYt")
@@ -122,3 +123,12 @@ def test_a_model_that_is_given_is_compared_at_all_rows() -> None:
         assert comparison.points is not None
         assert len(comparison.points.sightings) == len(measured)
         assert comparison.points.figures.rmse_um < 1.3e3 * STD_MM * np.sqrt(3.0)
+
+
+def test_what_two_axes_do_together_that_both_have_not_moved_yet() -> None:
+    """The first rows know neither direction: what one of them would do there is told with the other midway."""
+    before = fit_terms(MACHINE, [three_lines("backlash", 1, 5)], options=FitOptions(threads=1))
+    term = empirical_term(before, "empirical:y@d_x*d_z")
+    after = before.again((*before.terms, term))
+    assert len(after.sightings) == len(before.sightings)
+    assert np.isfinite(after.residual_mm).all()

@@ -447,6 +447,8 @@ class Posed:
         `names` and `variables` (k, n) are as rows show them.
         """
         n_rows = len(self.sightings)
+        # Where two axes never moved, what one does is told with the other midway.
+        variables = midway(still, names, variables)
         found = [np.zeros((n_rows, 3, 0))]
         for one in (one for one in still if not one.is_all):
             there, back = (
