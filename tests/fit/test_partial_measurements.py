@@ -30,7 +30,7 @@ from virtual_machine import LENGTH_MM, Camera, Truth, camera, machine_of, nine_l
 from geoerr.effects import catalogue
 from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.errors import GeometryError
-from geoerr.fit import Fitted, sightings_of
+from geoerr.fit import Components, FitOptions, Fitted, fit_terms, sightings_of
 from geoerr.fit.start import planes_of_circles
 from geoerr.identify.measurements import measurements_of
 from geoerr.observations import STANDARD_UNCERTAINTY as STD
@@ -517,3 +517,34 @@ def test_a_component_that_no_row_states_has_the_mean_of_the_others(read: object)
         assert covariance is not None
         variance_mm2 = np.diagonal(covariance[-1])
     assert variance_mm2 == pytest.approx([1e-6, 9e-6, 5e-6], rel=1e-9)
+
+
+def across(tilt_rad: float, components: str, *, y_mm: tuple[float, ...] = (150.0,)) -> Observations:
+    """A bow of x by 8 µm, measured across along straight edges that are tilted, there and back."""
+    rng = np.random.default_rng(2)
+    there = np.linspace(0.0, LENGTH_MM, 15)
+    rows = [(x, y) for y in y_mm for x in (*there, *there[::-1])]
+    q_mm = np.array([(x, y, 100.0) for x, y in rows])
+    bow_mm = 8e-3 * (1.0 - (2.0 * q_mm[:, 0] / LENGTH_MM - 1.0) ** 2)
+    seen_mm = {"y": bow_mm + tilt_rad * q_mm[:, 0], "z": bow_mm + tilt_rad * (q_mm[:, 1] - 0.5 * q_mm[:, 0])}
+    columns: dict[str, object] = {"carrier": ["relative"] * len(rows)}
+    columns |= {axis: q_mm[:, number] for number, axis in enumerate("xyz")}
+    columns |= {f"m{axis}": seen_mm[axis] + 2e-4 * rng.normal(size=len(rows)) for axis in components}
+    return observations_from_columns(columns)
+
+
+@pytest.mark.parametrize(("components", "y_mm"), [("yz", (150.0,)), ("y", (150.0,)), ("z", (50.0, 150.0, 250.0))])
+@pytest.mark.parametrize("classic", ["21", "12"])
+def test_a_straight_edge_may_be_tilted(components: str, y_mm: tuple[float, ...], classic: Components) -> None:
+    """50 µrad of an edge of 400 mm were 72 µm of straightness."""
+    options = FitOptions(components=classic, threads=1)
+    fits = [
+        fit_terms(MACHINE, [across(tilt_rad, components, y_mm=y_mm)], options=options)
+        for tilt_rad in (0.0, 5e-5, 5e-3)
+    ]
+    for component in components:
+        curves = [curve_of(one, f"E{component.upper()}X", np.linspace(0.0, LENGTH_MM, 9))[0] for one in fits]
+        assert max(curves[0]) - min(curves[0]) == pytest.approx(8e-3, abs=4e-4)
+        for other in curves[1:]:
+            assert other == pytest.approx(curves[0], abs=2e-6), "but for the second order of a tilt"
+    assert [one.figures.headline_um for one in fits] == pytest.approx([fits[0].figures.headline_um] * 3, rel=1e-3)

@@ -1,24 +1,29 @@
-"""The turn of a device that measures two components: a plate on a CMM table lies turned in its plane.
+"""How devices stand that never measure all three components, as far as it can be told.
 
 Where a component is empty throughout, the measuring frame is parallel to the base: nobody can tell how it is tilted.
-How it is turned about the component that is missing can be told, and is known to no microradian beforehand: 70 µrad
-of a plate of 650 mm are 45 µm at its rim, and would be taken for squareness and straightness of the machine.
+
+- Of two components the turn about the third can be told, and is known to no microradian beforehand: a plate lies on
+  the table of a CMM as it may. 70 µrad of 650 mm are 45 µm at its rim, which would be squareness and straightness.
+- Of runs that are measured across what moves, by a straight edge, a retroreflector or a dial over a plate, the slopes
+  are how the device stands: nobody levels it to the microradians that straightness is measured to.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import Frames
 
 
 def turned_in_plane(
     frames: Frames, nominal_mm: Numbers, sightings: Sightings, static: np.ndarray
 ) -> tuple[Frames, Numbers | None]:
-    """Turn the frames of sessions that measured two components, and give the unknown rest of each turn.
+    """Turn the frames of sessions that measured two components, and give the unknown rest of each turn and slope.
 
     Parameters
     ----------
@@ -34,14 +39,21 @@ def turned_in_plane(
     Frames
         With the least-squares turn in the plane (Kabsch).
     derivative : (n, 3, k) or None
-        Of the measured points by the remaining turn of k sessions, mm/rad.
+        Of the measured points by the remaining turn of sessions, and by tilts of those that saw across what moved,
+        mm/rad.
     """
     rotations, translations = frames.rotations.copy(), frames.translations_mm.copy()
-    derivatives = []
+    derivatives: list[Numbers] = []
     for number, kind in enumerate(sightings.frames):
         own = sightings.session == number
         seen = sightings.is_measured[own].any(axis=0)
-        if kind != "parallel" or int(seen.sum()) != 2:
+        if kind != "parallel":
+            continue
+        moved = _axes_moved(sightings, own & ~static)
+        if moved.any() and not (moved & seen).any():
+            derivatives += _tilts(nominal_mm, own, moved, seen)
+            continue
+        if int(seen.sum()) != 2:
             continue
         missing = int(np.flatnonzero(~seen)[0])
         first, second = (missing + 1) % 3, (missing + 2) % 3
@@ -63,3 +75,20 @@ def turned_in_plane(
         derivatives.append(np.cross(about, lever)[:, :, None])
     turned = replace(frames, rotations=rotations, translations_mm=translations)
     return turned, np.concatenate(derivatives, axis=2) if derivatives else None
+
+
+def _axes_moved(sightings: Sightings, rows: np.ndarray) -> np.ndarray:
+    """Tell along which axes (3,) the machine went in some rows (n,)."""
+    if not rows.any():
+        return np.zeros(3, dtype=bool)
+    return np.asarray(np.ptp(sightings.commanded_mm[rows], axis=0) > SAME_POSITION_MM)
+
+
+def _tilts(nominal_mm: Numbers, own: np.ndarray, moved: np.ndarray, seen: np.ndarray) -> Iterator[Numbers]:
+    """Give what tilts of a device do to the points (n, 3, 1) of its session's rows (n,).
+
+    `moved` and `seen` (3,) tell along which axes it went, and which components were measured: each tilts along each.
+    """
+    lever = np.where(own[:, None], nominal_mm - nominal_mm[own].mean(axis=0), 0.0)
+    for along, across in itertools.product(np.eye(3)[moved], np.eye(3)[seen]):
+        yield np.cross(np.cross(along, across), lever)[:, :, None]
