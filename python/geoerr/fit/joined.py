@@ -19,12 +19,12 @@ from geoerr.errors import GeometryError
 from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
-from geoerr.fit.late_clocks import late_clocks
 from geoerr.fit.lengths import sightings_of_lengths
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
 from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.odd_directions import odd_directions
+from geoerr.fit.odd_times import odd_times
 from geoerr.fit.other_units import other_units
 from geoerr.fit.passes import passes_of
 from geoerr.fit.scatter import scatter_of
@@ -81,7 +81,7 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
             dict.fromkeys(name for part in parts if not part.has_lengths_only for name in part.table.columns)
         ),
         *other_units(joined),
-        *late_clocks(joined),
+        *odd_times(joined),
         *odd_directions(joined),
         *targets_that_moved(joined),
     )

@@ -1,6 +1,8 @@
-"""Times of a clock: what drifts with time was called unseen where a computer had told seconds since 1970."""
+"""Times of a clock, and of some rows only: a drift was called unseen, and a play of 6 µm was 0, without a word."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,13 +15,15 @@ EPOCH_S = 1_764_444_000.0
 N = 20
 
 
-def seen(*begins_s: float, duration_s: float = 600.0) -> Sightings:
-    """Give sessions of some rows each that begin at these times."""
+def seen(*begins_s: float, duration_s: float = 600.0, empty: Sequence[int] = ()) -> Sightings:
+    """Give sessions of some rows each that begin at these times; in some rows nobody read the clock."""
     places = np.random.default_rng(1).uniform(0.0, 300.0, (N * len(begins_s), 3))
     t = np.concatenate([begin_s + np.linspace(0.0, duration_s, N) for begin_s in begins_s])
     columns: dict[str, object] = {"session": np.repeat([f"s{k}" for k in range(len(begins_s))], N).tolist(), "t": t}
     for k, axis in enumerate("xyz"):
         columns |= {axis: places[:, k], f"m{axis}": places[:, k]}
+    if empty:
+        columns["t"] = np.where(np.isin(np.arange(len(t)), empty), np.nan, t)
     return sightings_of(observations_from_columns(columns))
 
 
@@ -51,3 +55,12 @@ def test_a_time_that_runs_on_from_session_to_session_is_not_told() -> None:
 
 def test_a_session_without_duration_is_not_told() -> None:
     assert not told(seen(36_000.0, duration_s=0.0))
+
+
+def test_a_time_that_some_rows_lack_is_told() -> None:
+    notes = [note for note in seen(0.0, 0.0, empty=[N + 3]).notes if "is empty in" in note]
+    assert [note.split(":")[0] for note in notes] == [f"the time t is empty in 1 of {N} rows of session 's1'"]
+
+
+def test_a_session_without_times_is_not_told() -> None:
+    assert not [note for note in seen(0.0, 0.0, empty=range(N)).notes if "is empty in" in note]
