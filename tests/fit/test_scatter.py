@@ -246,3 +246,38 @@ def test_the_better_device_decides(two_devices: list[Fitted]) -> None:
     """Of positioning the fine camera alone has 0.5 µm by so many rows; held alike both had fourteen times that."""
     std_um = np.mean([curve_of(one, "EXX", np.array([400.0]))[1][0] for one in two_devices]) * 1e3
     assert std_um < 0.5
+
+
+@pytest.mark.parametrize(("claimed_um", "used_um"), [(0.5, 1.5), (1.5, 1.5), (15.0, 15.0)])
+def test_a_device_that_states_less_than_it_scatters_gets_its_scatter(claimed_um: float, used_um: float) -> None:
+    """Beside one that states what it scatters; one that states more may know of more than scatters."""
+    rng = np.random.default_rng(19)
+    honest, other = (
+        replaced(
+            runs(rng, np.full(3, std_um), n_repeats=3, session=name),
+            **dict.fromkeys(("sx", "sy", "sz"), np.full(378, stated_um * 1e-3)),
+        )
+        for name, std_um, stated_um in (("honest", 10.0, 10.0), ("other", 1.5, claimed_um))
+    )
+    joined = sightings_of(honest, other)
+    own_um = 1e3 / np.einsum("nii->ni", joined.whitening)
+    assert own_um[:378] == pytest.approx(10.0)
+    assert own_um[378:] == pytest.approx(used_um, rel=0.15)
+    told = [note for note in joined.notes if "than is stated" in note]
+    assert [note.split(" than")[0] for note in told] == {0.5: ["rows scatter more"], 15.0: ["rows scatter less"]}.get(
+        claimed_um, []
+    )
+
+
+def test_what_all_devices_scatter_more_than_stated_is_the_scale_of_the_fit() -> None:
+    rng = np.random.default_rng(20)
+    tables = [
+        replaced(
+            runs(rng, np.full(3, std_um), n_repeats=3, session=name),
+            **dict.fromkeys(("sx", "sy", "sz"), np.full(378, std_um / 3.0 * 1e-3)),
+        )
+        for name, std_um in (("one", 10.0), ("other", 1.5))
+    ]
+    joined = sightings_of(*tables)
+    assert 1e3 / joined.whitening[:378, 0, 0] == pytest.approx(10.0 / 3.0)
+    assert 1e3 / joined.whitening[378:, 0, 0] == pytest.approx(0.5)

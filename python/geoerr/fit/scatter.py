@@ -36,7 +36,7 @@ _LEAST, _MOST_WINDOWS = 12, 300_000
 _LEAST_OF_LENGTHS = 8
 # Standard deviations nearer to each other than this are one: weights that are so far off cost a fiftieth of what the
 # data tell, and standard errors are off by a tenth.
-_ALIKE = 1.25
+ALIKE = 1.25
 # They have to be apart by so many of their own standard errors, too; that of n pseudo-residuals' median, which share
 # rows, is so many times 1/√(2n).
 _SIGNIFICANT, _ERROR_OF_MEDIAN = 4.0, 2.25
@@ -77,15 +77,9 @@ def scatter_of(table: Sightings) -> Scatter | None:
     """Tell how much the components of one table scatter from row to row; None where nothing tells."""
     if set(table.frames) == {"lengths"}:
         return _of_lengths(table)
-    is_circle = set(table.frames) == {"circle"}
-    device = np.zeros(len(table), dtype=np.int64) if is_circle else table.session
-    names = ("circular test",) if is_circle else tuple(f"session {name}" for name in table.sessions)
+    device, names = _devices_of(table)
     devices = [np.asarray(device == number) for number in range(len(names))]
-    windows = [*_windows(table, 5), *_windows(table, 3)]
-    left = _repeated(table, windows)
-    is_by_component = all(_told([one.of(rows) for one in left]) for rows in devices)
-    if not is_by_component:
-        left = _along_lines(table, windows)
+    left, is_by_component = _left_by_all(table, devices)
     of_devices = [_told([one.of(rows) for one in left]) for rows in devices]
     if None in of_devices:
         return None
@@ -102,6 +96,61 @@ def scatter_of(table: Sightings) -> Scatter | None:
             if table.is_measured[rows, component].any():
                 std_mm[number, component], n_told_by[number, component] = one.std_mm, one.n_told_by
     return Scatter(device, names, std_mm, n_told_by)
+
+
+@dataclass(frozen=True, eq=False)
+class BesideStated:
+    """How far the rows of devices scatter, as a share of what they state.
+
+    Attributes
+    ----------
+    device, names
+        As of a `Scatter`.
+    ratio, n_told_by : (n_devices,)
+        1 and 0 where nothing tells it.
+    """
+
+    device: Integers
+    names: tuple[str, ...]
+    ratio: Numbers
+    n_told_by: Numbers
+
+
+def scatter_beside_stated(table: Sightings, stated_mm: Numbers) -> BesideStated | None:
+    """Tell how far rows of points and circles scatter, as a share of what they state (n, 3); None for lengths.
+
+    Each number is held against what its own row states: near and far points are known unlike well.
+    """
+    if set(table.frames) == {"lengths"}:
+        return None
+    device, names = _devices_of(table)
+    devices = [np.asarray(device == number) for number in range(len(names))]
+    left, _ = _left_by_all(table, devices)
+    ratio, n_told_by = np.ones(len(names)), np.zeros(len(names))
+    for number, rows in enumerate(devices):
+        own = [one.of(rows) for one in left]
+        n_numbers = float(sum(one.n_independent for one in own))
+        share = np.concatenate([np.zeros(0), *(one.value_mm / stated_mm[one.row, one.component] for one in own)])
+        middle = _BY_MEDIAN * float(np.median(np.abs(share))) if len(share) else 0.0
+        # Of a coarse scale more than half stand still.
+        if n_numbers >= _LEAST and middle > 0.0:
+            ratio[number], n_told_by[number] = middle, n_numbers
+    return BesideStated(device, names, ratio, n_told_by)
+
+
+def _devices_of(table: Sightings) -> tuple[Integers, tuple[str, ...]]:
+    is_circle = set(table.frames) == {"circle"}
+    device = np.zeros(len(table), dtype=np.int64) if is_circle else table.session
+    return device, ("circular test",) if is_circle else tuple(f"session {name}" for name in table.sessions)
+
+
+def _left_by_all(table: Sightings, devices: Sequence[np.ndarray]) -> tuple[list[_Left], bool]:
+    """Give what is left of rows by what all devices (n,) have, repeats or else lines, and whether it is repeats."""
+    windows = [*_windows(table, 5), *_windows(table, 3)]
+    left = _repeated(table, windows)
+    if all(_told([one.of(rows) for one in left]) for rows in devices):
+        return left, True
+    return _along_lines(table, windows), False
 
 
 def _of_lengths(table: Sightings) -> Scatter | None:
@@ -121,7 +170,7 @@ def are_apart(std_mm: Numbers, n_told_by: Numbers) -> bool:
     error = _ERROR_OF_MEDIAN / np.sqrt(2.0 * n_told_by)
     most, least = int(np.argmax(std_mm)), int(np.argmin(std_mm))
     by_chance = _SIGNIFICANT * math.hypot(error[most], error[least])
-    return math.log(std_mm[most] / std_mm[least]) > max(math.log(_ALIKE), by_chance)
+    return math.log(std_mm[most] / std_mm[least]) > max(math.log(ALIKE), by_chance)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What rows that state no uncertainty are weighed by, among themselves and beside those that do."""
+"""What rows are weighed by: what they state, or how they scatter where that tells another thing of some devices."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoerr.fit.scatter import Scatter, are_apart, scatter_of
+from geoerr.fit.scatter import ALIKE, Scatter, are_apart, scatter_beside_stated, scatter_of
 from geoerr.fit.sightings import Numbers, Sightings
 
 _UM_PER_MM = 1e3
@@ -22,9 +22,12 @@ _OF_ONE_NUMBER = {
 
 
 def weighed(tables: Sequence[Sightings]) -> list[Sightings]:
-    """Give tables whose rows that state no uncertainty have weights by their own scatter, and notes that say so."""
+    """Give tables whose rows have weights by their own scatter, and notes that say so.
+
+    Rows that state no uncertainty; and those of devices that scatter more, beside what they state, than others do.
+    """
     if any(table.is_stated for table in tables):
-        return [table if table.is_stated else _beside(table, tables) for table in tables]
+        return _fairly_stated([table if table.is_stated else _beside(table, tables) for table in tables])
     scatters = [scatter_of(table) for table in tables]
     told = [one for one in scatters if one is not None]
     if len(told) < len(tables):
@@ -43,6 +46,61 @@ def weighed(tables: Sequence[Sightings]) -> list[Sightings]:
         replace(_with_std(table, own / mean_mm), notes=(*table.notes, _note(one)))
         for table, own, one in zip(tables, by_row, told, strict=True)
     ]
+
+
+def _fairly_stated(tables: Sequence[Sightings]) -> list[Sightings]:
+    """Enlarge what devices state that scatter more than that, where others do not.
+
+    The scale of a fit is one for all: of a laser that scatters three times what it states, beside cameras that state
+    what they scatter, every standard error was too small by two, and its noise was called an error of the machine.
+    What is stated is never made less: there may be more in it than scatters from row to row. That is told.
+    """
+    found = [scatter_beside_stated(table, _stated_mm(table)) if table.is_stated else None for table in tables]
+    told = [one for one in found if one is not None]
+    ratio, n_told_by = (
+        np.concatenate([np.zeros(0), *(getattr(one, name) for one in told)]) for name in ("ratio", "n_told_by")
+    )
+    is_told = n_told_by > 0.0
+    if is_told.sum() < 2 or not are_apart(ratio[is_told], n_told_by[is_told]):
+        return list(tables)
+    least = float(ratio[is_told].min())
+    # What all of them scatter more than stated is the scale of the fit.
+    usual = max(least, 1.0)
+    result = []
+    for table, one in zip(tables, found, strict=True):
+        if one is None:
+            result.append(table)
+            continue
+        factor = np.where(one.ratio > ALIKE * usual, one.ratio / usual, 1.0)
+        whitening = table.whitening / factor[one.device][:, None, None]
+        is_less = one.ratio * ALIKE < 1.0
+        told_of = (*_of_more(one.names, one.ratio, factor > 1.0), *_of_less(one.names, one.ratio, is_less))
+        result.append(replace(table, whitening=whitening, notes=(*table.notes, *told_of)))
+    return result
+
+
+def _of_more(names: Sequence[str], ratio: Numbers, chosen: np.ndarray) -> Iterator[str]:
+    if chosen.any():
+        yield (
+            f"rows scatter more than is stated, and other devices' do not: {_listed(names, ratio, chosen)}; these "
+            "uncertainties are taken that much larger (correct sx, sy, sz, or what else states them)"
+        )
+
+
+def _of_less(names: Sequence[str], ratio: Numbers, chosen: np.ndarray) -> Iterator[str]:
+    if chosen.any():
+        yield (
+            f"rows scatter less than is stated, beside another device: {_listed(names, ratio, chosen)}; weights are "
+            "as stated, and a search may take the noise of the other device for an error (state what scatters from "
+            "row to row)"
+        )
+
+
+def _listed(names: Sequence[str], ratio: Numbers, chosen: np.ndarray) -> str:
+    """Say of devices how many times what is stated their rows scatter."""
+    numbers = np.flatnonzero(chosen)
+    listed = ", ".join(f"{names[number]} {ratio[number]:.2g} times" for number in numbers[:_MOST_NAMED])
+    return listed + (f" and {len(numbers) - _MOST_NAMED} more" if len(numbers) > _MOST_NAMED else "")
 
 
 def _not_told(tables: Sequence[Sightings]) -> Iterator[Sightings]:
