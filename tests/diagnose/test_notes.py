@@ -107,3 +107,11 @@ def test_a_fit_that_has_not_settled_is_said() -> None:
     running = replace(fitted, solved=replace(fitted.solved, converged=False))
     (said,) = notes_of(running, None, has_found=False)
     assert "has not settled" in said
+
+
+def test_uncertainties_in_micrometres_are_doubted() -> None:
+    """A table that states 3 where it means 0.003 has no gross rows, and nothing is seen in it."""
+    rows = observed()
+    in_um = replace(rows, frame=rows.frame.with_columns(pl.col("sx", "sy", "sz") * 1e3))
+    fitted = fit_terms(machine(), [in_um], options=OPTIONS)
+    assert any("are sx, sy and sz in mm" in said for said in notes_of(fitted, None, has_found=False))

@@ -156,3 +156,19 @@ def test_a_calibration_that_is_none_is_refused() -> None:
             fit_model(MACHINE, shown, components="none", effects=["scale:x"], **given)
         with pytest.raises(ShapeError, match=words):
             compare(Model(MACHINE), shown, **given)
+
+
+def test_a_laser_without_a_session_of_its_own_is_told() -> None:
+    """Its numbers were put into the cameras' turned frame: residuals of millimetres came without a word."""
+    in_one = together(by_cameras(), by_laser(session="cameras"))
+    told = [note for note in sightings_of(in_one).notes if "session of its own" in note]
+    assert [note.split(" (")[0] for note in told] == ["in session 'cameras' 60 rows of passes with mx alone"]
+    assert not [note for note in sightings_of(together(by_cameras(), by_laser())).notes if "of its own" in note]
+
+
+def test_points_that_cameras_saw_in_part_are_not_told() -> None:
+    seen_in_part = by_cameras()
+    frame = seen_in_part.frame.with_row_index("row").with_columns(
+        mz=pl.when(pl.col("row") % 7 == 0).then(None).otherwise(pl.col("mz"))
+    )
+    assert not [note for note in sightings_of(replace(seen_in_part, frame=frame)).notes if "of its own" in note]

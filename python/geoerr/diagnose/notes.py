@@ -15,7 +15,7 @@ from geoerr.diagnose.untold import untold_rows
 from geoerr.fit import Fitted
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
-from geoerr.model.fit_words import NOT_SETTLED
+from geoerr.model.fit_words import FAR_BELOW_STATED, NOT_SETTLED, far_below_stated_words
 from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted, listed
 
@@ -80,6 +80,8 @@ def notes_of(
             "the fit has not settled, so that what it leaves is not only what the model lacks: leave out the term "
             "that runs away, or measure what would hold it"
         )
+    if fitted.share_of_stated < FAR_BELOW_STATED:
+        said.append(far_below_stated_words(fitted.share_of_stated))
     record = None if comparison is None else comparison.model.record
     if is_held and record is not None and not record.has_settled:
         said.append(f"the model's own data: {NOT_SETTLED}")

@@ -23,6 +23,7 @@ from geoerr.fit.lengths import sightings_of_lengths
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
 from geoerr.fit.noise import in_the_way_of_repeats
+from geoerr.fit.odd_devices import odd_devices
 from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.odd_times import odd_times
 from geoerr.fit.other_units import other_units
@@ -82,6 +83,7 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         ),
         *other_units(joined),
         *odd_times(joined),
+        *odd_devices(joined),
         *odd_directions(joined),
         *targets_that_moved(joined),
     )
