@@ -43,7 +43,7 @@ from geoerr.fit import Fitted, result_of, sightings_of
 from geoerr.fit.classic import classic_terms, gauge_rows
 from geoerr.fit.noise import is_static
 from geoerr.fit.start import nominal_mm, start_frames
-from geoerr.fit.undetermined import not_determined
+from geoerr.fit.undetermined import Undetermined
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import Machine
 from geoerr.model.compile import compile_terms
@@ -296,7 +296,7 @@ def test_bed_with_two_targets(second: tuple[float, float, float], turn: set[str]
 
 def words(result: Fitted, name: str) -> str:
     """With the machine, which tells whose targets are wanting."""
-    listed = not_determined(
+    listed = Undetermined(
         result.terms,
         np.asarray(result.solved.solution.is_determined),
         np.asarray(result.solved.solution.null_space),
@@ -306,7 +306,7 @@ def words(result: Fitted, name: str) -> str:
         (),
         result.machine,
     )
-    return next(item.why for item in listed if item.name == name)
+    return next(item.why for item in listed.reasons if item.name == name)
 
 
 def test_words_name_the_targets_that_are_wanting() -> None:

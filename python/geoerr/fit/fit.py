@@ -48,7 +48,7 @@ from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
-from geoerr.fit.undetermined import not_determined
+from geoerr.fit.undetermined import Undetermined
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
@@ -190,7 +190,7 @@ def fit_terms(
         return replace(
             smooth,
             null_space=fitted.null_space,
-            not_determined=fitted.not_determined,
+            undetermined=fitted.undetermined,
             choices=tuple(KnotChoice(one.name, one.basis, one.n_free, ()) for one in smoothness),
         )
     if undecided:
@@ -636,7 +636,7 @@ class Posed:
             covariance=covariance,
             root=all_root,
             null_space=null_space[:, touches],
-            not_determined=not_determined(
+            undetermined=Undetermined(
                 terms,
                 is_determined,
                 directions,

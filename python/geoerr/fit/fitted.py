@@ -19,6 +19,7 @@ from geoerr.fit.noise import Repeats, repeats_of
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
 from geoerr.fit.split import Split, split_of
+from geoerr.fit.undetermined import Undetermined
 from geoerr.machine import Machine
 from geoerr.model.compile import Compiled
 from geoerr.terms import Term
@@ -64,8 +65,8 @@ class Fitted:
         (n_columns, rank) R with R Rᵀ the unscaled covariance of all unknowns; along free directions the smallest.
     null_space
         (m, k) over the same parameters: directions that the data do not determine.
-    not_determined
-        The same in words.
+    undetermined
+        The same, to be put in words.
     scale
         What the stated standard uncertainties were multiplied by; the standard deviation in mm where none are stated.
     dof
@@ -92,7 +93,7 @@ class Fitted:
     covariance: Numbers
     root: Numbers
     null_space: Numbers
-    not_determined: tuple[NotDetermined, ...]
+    undetermined: Undetermined
     scale: float
     dof: float
     shared: Numbers | None
@@ -112,6 +113,11 @@ class Fitted:
     ) -> Fitted:
         """Fit other terms to the same data; keywords are those of `Posed.fit`."""
         return self.fit_of_terms(terms, one_step=one_step, used=used, around=around, known_fit=self)
+
+    @property
+    def not_determined(self) -> tuple[NotDetermined, ...]:
+        """What the data do not determine, with the reason and the remedy."""
+        return self.undetermined.reasons
 
     @property
     def unit(self) -> float:

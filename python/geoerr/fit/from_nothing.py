@@ -20,7 +20,7 @@ def chance_of_nothing(fitted: Fitted) -> dict[str, float]:
     period or a place that was searched finds more than that by chance: what is not told from nothing here is not told
     at all, and what is may need `geoerr diagnose` to be believed. Its level is held by a Monte-Carlo test.
     """
-    unknown = {item.name for item in fitted.not_determined}
+    unknown = set(fitted.undetermined.names)
     return {
         term.id: _chance(term, fitted.covariance[own, own], fitted.dof)
         for term, own in zip(fitted.terms, fitted.compiled.coefficient_slices, strict=True)

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from geoerr.fit.sightings import Sightings
-from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
 from geoerr.summaries import counted
 

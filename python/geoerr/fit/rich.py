@@ -55,7 +55,7 @@ def determined_bases(
 
 
 def _n_open(fitted: Fitted, names: Mapping[str, BasisSpec]) -> int:
-    return sum(item.name in names for item in fitted.not_determined)
+    return sum(name in names for name in fitted.undetermined.names)
 
 
 def _between(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 
 import numpy as np
@@ -34,19 +35,11 @@ def iso_name(term_id: str) -> str:
     return _ISO_OF_LI.get(term_id, term_id)
 
 
-def not_determined(
-    terms: Sequence[Term],
-    is_determined: np.ndarray,
-    null_space: Numbers,
-    sightings: Sightings,
-    first_frame_column: int,
-    never_moved: Sequence[str],
-    wanted: Sequence[str],
-    machine: Machine | None = None,
-) -> tuple[NotDetermined, ...]:
-    """List the terms of which some unknown is not determined, with the reason and the remedy.
+@dataclass(frozen=True, eq=False)
+class Undetermined:
+    """What some unknowns of a fit are not determined by, found when it is asked for: a fit that is tried needs none.
 
-    Parameters
+    Attributes
     ----------
     terms
         All terms, in the order of their unknowns: the coefficients of all, then the free inner parameters of all.
@@ -54,6 +47,8 @@ def not_determined(
         For every unknown.
     null_space : (n, k)
         Directions in which unknowns can change without any measurement noticing, each with largest entry 1.
+    sightings
+        The data.
     first_frame_column
         Where the unknowns of frames and of targets' places begin.
     never_moved
@@ -63,22 +58,46 @@ def not_determined(
     machine
         Tells which body an axis carries, and so which targets are wanting.
     """
-    listed = [
-        NotDetermined(iso_name(name), f"the {name[2].lower()} axis never moved")
-        for name in wanted
-        if name not in {term.id for term in terms} and name[2].lower() in never_moved
-    ]
-    blocks = _blocks(terms, is_determined, null_space, first_frame_column)
-    words = _Words(sightings, machine, never_moved)
-    without = {name: _directions_without(rows) for name, rows in blocks.items()}
-    for term, own in zip(terms, _columns_of(terms), strict=True):
-        if is_determined[own].all():
-            continue
-        name = iso_name(term.id)
-        open_part = "only its part in proportion to the position is open: " if _is_a_line(term, blocks[name]) else ""
-        combined = _combined(term, is_determined[own], null_space[own])
-        listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks, without), combined)))
-    return tuple(listed)
+
+    terms: Sequence[Term]
+    is_determined: np.ndarray
+    null_space: Numbers
+    sightings: Sightings
+    first_frame_column: int
+    never_moved: Sequence[str]
+    wanted: Sequence[str]
+    machine: Machine | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the terms of which some unknown is not determined, and of those that no row could tell."""
+        return [*self._never_there, *(iso_name(term.id) for term, _ in self._open)]
+
+    @cached_property
+    def reasons(self) -> tuple[NotDetermined, ...]:
+        """The same with the reason and the remedy."""
+        listed = [NotDetermined(name, f"the {name[2].lower()} axis never moved") for name in self._never_there]
+        blocks = _blocks(self.terms, self.is_determined, self.null_space, self.first_frame_column)
+        words = _Words(self.sightings, self.machine, self.never_moved)
+        without = {name: _directions_without(rows) for name, rows in blocks.items()}
+        for term, own in self._open:
+            name = iso_name(term.id)
+            is_a_line = _is_a_line(term, blocks[name])
+            open_part = "only its part in proportion to the position is open: " if is_a_line else ""
+            combined = _combined(term, self.is_determined[own], self.null_space[own])
+            listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks, without), combined)))
+        return tuple(listed)
+
+    @property
+    def _never_there(self) -> list[str]:
+        there = {term.id for term in self.terms}
+        return [iso_name(one) for one in self.wanted if one not in there and one[2].lower() in self.never_moved]
+
+    @property
+    def _open(self) -> list[tuple[Term, np.ndarray]]:
+        """The terms with an open unknown, and where theirs are."""
+        own = zip(self.terms, _columns_of(self.terms), strict=True)
+        return [(term, columns) for term, columns in own if not self.is_determined[columns].all()]
 
 
 def _columns_of(terms: Sequence[Term]) -> list[np.ndarray]:
