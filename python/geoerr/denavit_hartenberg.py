@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.errors import InputFileError
+from geoerr.errors import GeoerrError, InputFileError
 
 Floats = npt.NDArray[np.float64]
 
@@ -53,6 +53,11 @@ class DhRow:
         1 or -1: whether the axis's coordinate adds or subtracts.
     is_base
         Whether the frame at the end of this row stands on the machine's base.
+
+    Raises
+    ------
+    GeoerrError
+        for a joint, variable or sign that is none.
     """
 
     theta_deg: float = 0.0
@@ -63,6 +68,13 @@ class DhRow:
     variable: Literal["d", "a"] = "d"
     sign: Literal[1, -1] = 1
     is_base: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse words that are none here, and not where the rows are used."""
+        for key in ("joint", "variable", "sign"):
+            value, (allowed, remedy) = getattr(self, key), _CHOICES[key]
+            if value not in allowed and not (key == "joint" and value is None):
+                raise GeoerrError(f"{key} cannot be {value!r}\nhint: {remedy}")
 
     def transform(self, q_mm: float = 0.0, d_error_mm: float = 0.0, a_error_mm: float = 0.0) -> Floats:
         """Frame after the row in the frame before it, (4, 4); `q_mm` is its joint's coordinate."""

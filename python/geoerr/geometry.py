@@ -4,7 +4,8 @@ Thin faces of the compiled core. Inputs are brought to contiguous double precisi
 already are not copied) and checked by shape; the interpreter is released while the core works, so do not write
 to the inputs from another thread meanwhile. Results are bitwise the same for any number of `threads` (0 = all cores).
 
-One bad row or line never spoils the batch: it becomes NaN and its status says why.
+One bad row or line never spoils the batch: it becomes NaN and its status says why. What is masked in a masked array
+is NaN, too.
 """
 
 from __future__ import annotations
@@ -244,7 +245,8 @@ def triangulate_points(
         if a projection matrix is not finite or has no finite centre, or if the two centres coincide.
     """
     check_threads(threads)
-    given_left, given_right = np.asarray(uv_left_px), np.asarray(uv_right_px)
+    given_left = np.asarray(unmasked(uv_left_px, "uv_left_px"))
+    given_right = np.asarray(unmasked(uv_right_px, "uv_right_px"))
     is_single = given_left.dtype == given_right.dtype == np.float32
     dtype = np.dtype(np.float32 if is_single else np.float64)
     return TriangulatedPoints(
@@ -301,7 +303,7 @@ def fit_lines(
     """
     check_threads(threads)
     points = _array(points_mm, "points_mm", (None, 3))
-    given = np.asarray(starts)
+    given = np.asarray(unmasked(starts, "starts"))
     if given.ndim != 1 or (given.size > 0 and not np.issubdtype(given.dtype, np.integer)):
         raise ShapeError(f"starts must be whole numbers of shape (m,), got {given.dtype} of {given.shape}")
     covariance = None if covariance_mm2 is None else _array(covariance_mm2, "covariance_mm2", (None, 3, 3))
@@ -440,10 +442,32 @@ def remove_line(position_mm: npt.ArrayLike, values: npt.ArrayLike, *, threads: i
     return _core.remove_line(positions, functions.ravel(), threads).reshape(functions.shape)
 
 
+def unmasked(values: npt.ArrayLike, name: str) -> npt.ArrayLike:
+    """Give a masked array as one with NaN where it is masked, and anything else as it is.
+
+    NumPy forgets the mask where it makes numbers of such an array, and what is beneath would count as measured.
+
+    Raises
+    ------
+    ShapeError
+        naming the argument, for masked whole numbers: they have no NaN.
+    """
+    if not isinstance(values, np.ma.MaskedArray):
+        return values
+    if not np.ma.is_masked(values):
+        return np.asarray(values.data)
+    if not np.issubdtype(values.dtype, np.floating):
+        raise ShapeError(
+            f"{name} is a masked array of {values.dtype}, which has no number for what is missing\n"
+            "hint: give an array of floats with NaN there, or leave these rows out"
+        )
+    return np.asarray(values.filled(np.nan))
+
+
 def _functions(position_mm: npt.ArrayLike, values: npt.ArrayLike, name: str) -> tuple[FloatArray, FloatArray]:
     """Positions (n,) and functions (n,) or (k, n) of them, contiguous."""
     positions = _array(position_mm, "position_mm", (None,))
-    functions = np.ascontiguousarray(values, dtype=np.float64)
+    functions = np.ascontiguousarray(unmasked(values, name), dtype=np.float64)
     if functions.ndim not in (1, 2) or functions.shape[-1] != len(positions):
         raise ShapeError(
             f"{name} must have shape (n,) or (k, n) with n = {len(positions)} positions, got {functions.shape}"
@@ -455,7 +479,7 @@ def _array(
     values: npt.ArrayLike, name: str, shape: tuple[int | None, ...], dtype: np.dtype[Any] = _DOUBLE
 ) -> FloatArray:
     """Bring an argument to contiguous numbers of a shape in which None is any number."""
-    array = np.ascontiguousarray(values, dtype=dtype)
+    array = np.ascontiguousarray(unmasked(values, name), dtype=dtype)
     fits = array.ndim == len(shape) and all(
         wanted is None or wanted == found for wanted, found in zip(shape, array.shape, strict=True)
     )

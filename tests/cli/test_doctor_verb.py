@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -119,6 +120,10 @@ def cut_off(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-8])
 
 
+def as_floats(path: Path) -> None:
+    path.write_bytes(cv2.imencode(".tif", PICTURE.astype(np.float32))[1].tobytes())
+
+
 def smaller(path: Path) -> None:
     write_png(path, PICTURE[:-2])
 
@@ -129,6 +134,7 @@ def smaller(path: Path) -> None:
         (Path.unlink, "no such picture"),
         (cut_off, "the picture is truncated: its end is missing"),
         (smaller, "40 × 28 px, the others 40 × 30 px"),
+        (as_floats, "its values are floating-point numbers of 32 bits"),
     ],
 )
 def test_a_session_with_a_picture_that_cannot_be_used_is_wrong(

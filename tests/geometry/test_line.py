@@ -102,6 +102,31 @@ def test_bad_lines_do_not_spoil_the_batch() -> None:
     np.testing.assert_array_equal(np.isnan(found.along_mm), [False, False, *[True] * 6, False, False])
 
 
+def test_masked_points_are_missing() -> None:
+    """NumPy forgets a mask without a word, and the number beneath was a point."""
+    points = np.ma.masked_array(np.arange(12.0).reshape(4, 3), mask=False)
+    points[1, 2] = np.ma.masked
+    assert fit_lines(points, [0, 2]).status.tolist() == [LineStatus.NOT_FINITE, LineStatus.OK]
+    with pytest.raises(GeometryError, match="no line fits 4 points: a coordinate or covariance is not finite"):
+        fit_line(points)
+    covariance = np.ma.masked_invalid(np.where(np.arange(4)[:, None, None] == 3, np.nan, np.eye(3)))
+    covariance.data[3] = 1.0
+    found = fit_lines(points.data, [0, 2], covariance_mm2=covariance)
+    assert found.status.tolist() == [LineStatus.OK, LineStatus.NOT_FINITE]
+    # A mask that masks nothing changes nothing.
+    whole = np.ma.masked_array(points.data, mask=False)
+    assert fit_line(whole).direction.tobytes() == fit_line(points.data).direction.tobytes()
+    assert fit_line(whole.astype(int)).direction.tobytes() == fit_line(points.data).direction.tobytes()
+
+
+def test_masked_whole_numbers_are_refused() -> None:
+    points = np.ma.masked_equal(np.arange(12).reshape(4, 3), 5)
+    with pytest.raises(ShapeError, match=r"^points_mm is a masked array of int64, .*\nhint: give an array of floats"):
+        fit_line(points)
+    with pytest.raises(ShapeError, match=r"^starts is a masked array of int64"):
+        fit_lines(points.data, np.ma.masked_equal([0, 2], 2))
+
+
 @pytest.mark.parametrize(
     ("points", "why"),
     [

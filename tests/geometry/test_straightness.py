@@ -146,6 +146,10 @@ def test_one_function_or_many() -> None:
     assert np.isnan(spoiled[0]).all()
     np.testing.assert_array_equal(spoiled[1:], many[1:])
     assert integrate_straightness(position, np.empty((0, len(position)))).shape == (0, len(position))
+    # As what is masked does.
+    masked = np.ma.masked_invalid(angle)
+    masked.data[0, 7] = 0.0
+    np.testing.assert_array_equal(integrate_straightness(position, masked), spoiled)
 
 
 def test_same_bytes_for_any_number_of_threads() -> None:

@@ -170,6 +170,24 @@ def test_bad_rows_are_nan_with_a_status() -> None:
     assert np.isfinite(found.points_mm[~bad]).all()
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_masked_pixels_are_missing(dtype: type) -> None:
+    """NumPy forgets a mask without a word, and the number beneath was a pixel."""
+    left, right = rig(200.0)
+    points = cloud(4)
+    uv = [np.ma.masked_array(project(p, points), mask=False, dtype=dtype) for p in (left, right)]
+    for side, row in zip(uv, (1, 2), strict=True):
+        side[row, 0] = np.ma.masked
+    expected = [TriangulationStatus.OK, *[TriangulationStatus.NOT_FINITE] * 2, TriangulationStatus.OK]
+    whole, alone = triangulate(left, right, *uv), triangulate_points(left, right, *uv)
+    for found in (whole, alone):
+        assert found.status.tolist() == expected
+        assert np.isnan(found.points_mm[1:3]).all()
+        assert np.isfinite(found.points_mm[[0, 3]]).all()
+    with pytest.raises(ShapeError, match=r"^uv_right_px is a masked array of int64"):
+        triangulate_points(left, right, uv[0], uv[1].astype(int))
+
+
 def test_accepts_lists_strides_and_float32() -> None:
     left, right = rig(200.0)
     points = cloud(6)

@@ -13,8 +13,8 @@ from virtual_machine import Truth, camera, draw_truth, gauged, machine_of, nine_
 
 from geoerr.diagnose import compare
 from geoerr.error_functions import ALL_NAMES, LINEAR_AND_ANGULAR, errors_from_document, is_angular, write_errors
-from geoerr.errors import InputFileError
-from geoerr.identify import NineLineResult, analyze_nine_lines
+from geoerr.errors import GeoerrError, InputFileError
+from geoerr.identify import NineLineResult, analyze_nine_lines, identify_nine_line
 from geoerr.identify.joint import JointResult, identify_joint
 from geoerr.model import load_model
 from geoerr.observations import Observations, observations_from_columns
@@ -220,6 +220,23 @@ def test_tables_know_the_data_that_they_came_from(
     document["data"] = {"digest": 7}
     with pytest.raises(InputFileError, match=r"data\.digest"):
         errors_from_document(document, path)
+
+
+@pytest.mark.parametrize(
+    ("identify", "name", "known"),
+    [
+        (identify_joint, "straightness", "'direct', 'integrated'"),
+        (identify_nine_line, "straightness", "'direct', 'integrated'"),
+        (analyze_nine_lines, "roll", "'linear', 'li'"),
+    ],
+)
+def test_a_method_that_is_none_is_refused_before_any_work(
+    identify: Callable[..., object], name: str, known: str
+) -> None:
+    """Of the joint estimate it had been an error of Python, after both fits."""
+    _, observations = measured(3)
+    with pytest.raises(GeoerrError, match=f"^{name} cannot be 'x'\nhint: write one of {known}$"):
+        identify(observations, machine_of("wZbXYt"), **{name: "x"})
 
 
 @pytest.mark.parametrize(("n_places", "is_told"), [(5, True), (25, False)])

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from geoerr import load_model
 from geoerr.denavit_hartenberg import DhRow, rows_from_document, structure_of, tool_from_work
 from geoerr.dobariya import dobariya_vmc
-from geoerr.errors import GeometryError, InputFileError
+from geoerr.errors import GeoerrError, GeometryError, InputFileError
 from geoerr.machine import Machine, machine_from_document, read_machine, write_machine
 
 TRAVEL = (400.0, 300.0, 250.0)
@@ -129,6 +129,19 @@ class TestRows:
             machine_from_document(document(rows), "machine.toml")
         assert caught.value.column == column
         assert caught.value.remedy
+
+    @pytest.mark.parametrize(
+        ("change", "hint"),
+        [
+            ({"joint": "X"}, "axes are x, y and z; leave it out in a row that stands still"),
+            ({"variable": "theta"}, r"an axis adds to d \(along z\) or to a \(along x\)"),
+            ({"sign": 0}, "write 1 where the coordinate adds, -1 where it subtracts"),
+        ],
+    )
+    def test_a_wrong_row_of_python_is_refused_when_it_is_made(self, change: dict[str, Any], hint: str) -> None:
+        (key, value) = next(iter(change.items()))
+        with pytest.raises(GeoerrError, match=f"^{key} cannot be {value!r}\nhint: {hint}$"):
+            DhRow(**change)
 
     @pytest.mark.parametrize("rows", [[], "rows", {"theta": 0.0}, [3]])
     def test_no_rows_at_all(self, rows: Any) -> None:

@@ -80,6 +80,29 @@ class TestPredictionCovariance:
         assert model.is_determined_at(q, at=at).shape == (2500, 3)
         assert model.prediction_covariance_mm2(q[:0], at={"temp_bed": 20.0, "d_y": 1.0}).shape == (0, 3, 3)
 
+    @pytest.mark.parametrize("bad", [np.nan, np.inf])
+    @pytest.mark.parametrize("what", ["position", "offset", "condition"])
+    def test_a_row_that_is_not_finite_is_nan_and_disturbs_no_other(self, bad: float, what: str) -> None:
+        model, q, offset, temperature = fitted(), points(), np.zeros((6, 3)), np.full(6, 60.0)
+        covariance = model.prediction_covariance_mm2(q, offset, at=AT)
+        {"position": q[:, 0], "offset": offset[:, 1], "condition": temperature}[what][2] = bad
+        at = {"temp_bed": temperature, "d_y": 1.0}
+        others = np.arange(6) != 2
+        found = model.prediction_covariance_mm2(q, offset, at=at)
+        assert np.isnan(found[2]).all()
+        assert found[others] == pytest.approx(covariance[others], rel=1e-12)
+        is_determined = model.is_determined_at(q, offset, at=at)
+        assert not is_determined[2].any()
+        assert is_determined[others].all()
+        assert not model.is_determined_at(q[2:3], offset[2:3], at={"temp_bed": temperature[2:3], "d_y": 1.0}).any()
+
+    def test_a_row_that_overflows_disturbs_no_other(self) -> None:
+        q = points()
+        q[2, 0] = 1e200
+        with np.errstate(over="ignore", invalid="ignore"):
+            covariance = fitted().prediction_covariance_mm2(q, at=AT)
+        assert np.isfinite(covariance).all(axis=(1, 2)).tolist() == [True, True, False, True, True, True]
+
     def test_rounding_below_0_is_0(self) -> None:
         """The sum of two terms that are −1 correlated, but for one part in 10¹⁶."""
         first, second = spline("EXX", np.zeros(6)), dataclasses.replace(spline("EXX", np.zeros(6)), id="again:x")
@@ -115,6 +138,17 @@ class TestDetermined:
         model = self.model({"EXX.c5": 1.0})
         q = np.array([[x, 200.0, 100.0] for x in (0.0, 100.0, 266.0, 267.0, 300.0, 400.0)])
         assert model.is_determined_at(q)[:, 0].tolist() == [True, True, True, False, False, False]
+
+    def test_an_unknown_temperature_determines_nothing_elsewhere(self) -> None:
+        """Rigid motions are told at the ends of each condition, and no number is above NaN: all was a set-up."""
+        terms = (spline("EXX", np.zeros(6)), expansion())
+        null_space = np.zeros((8, 1))
+        null_space[5] = 1.0
+        model = Model(machine(), None, terms, FitRecord(np.eye(8) * 1e-6, null_space))
+        q = np.array([[x, 200.0, 100.0] for x in (50.0, 100.0, 300.0)])
+        assert model.is_determined_at(q, at={"temp_bed": 60.0})[:, 0].tolist() == [True, True, False]
+        at = {"temp_bed": [np.nan, 20.0, 60.0]}
+        assert model.is_determined_at(q, at=at)[:, 0].tolist() == [False, True, False]
 
     def test_what_is_not_determined_has_no_covariance_and_disturbs_no_other_component(self) -> None:
         free, bound = self.model({"EXX.c5": 1.0}), self.model()

@@ -63,6 +63,19 @@ def test_bits_at_the_lower_end_of_sixteen_are_refused_with_what_to_do(tmp_path, 
     assert not read_grey(path).any()
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_values_of_which_none_is_said_to_be_white_are_refused(tmp_path, dtype, channels):
+    """What ImageJ and scikit-image write: OpenCV decodes it in its own depth, and gives nothing as 8-bit grey."""
+    path = tmp_path / "a.tif"
+    path.write_bytes(encoded(".tif", np.repeat(NOISE[..., None], channels, axis=2).astype(dtype)))
+    kind = "whole" if dtype is np.int32 else "floating-point"
+    for read in (read_grey, picture_size):
+        with pytest.raises(InputFileError, match=f"{kind} numbers of {8 * dtype().itemsize} bits") as caught:
+            read(path)
+        assert "8 or 16 bits" in caught.value.remedy
+
+
 def test_a_note_to_turn_the_picture_is_ignored(tmp_path):
     ifd = struct.pack("<HHHIHHI", 1, 0x0112, 3, 1, 6, 0, 0)
     exif = b"Exif\0\0" + b"II*\0" + struct.pack("<I", 8) + ifd

@@ -7,6 +7,7 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -152,6 +153,16 @@ def test_bad_pictures_drop_their_pairs_with_the_reason(session: Path) -> None:
     assert reasons["02.png"].startswith("right: not a picture")
     assert reasons["03.png"] == "left: the board was not found: no marker of DICT_5X5_100 is seen"
     assert reasons["left/07.png"] == "the right folder has no picture of this name"
+
+
+def test_a_picture_of_floats_drops_its_pair(session: Path) -> None:
+    """It had ended the calibration with an error of Python."""
+    right = session / "calibration" / "right"
+    grey = cv2.imread(str(right / "04.png"), cv2.IMREAD_GRAYSCALE)
+    (right / "04.png").write_bytes(cv2.imencode(".tif", grey.astype(np.float32))[1].tobytes())
+    calibrated = calibrate(read_session(session))
+    assert [item.name for item in calibrated.pairs_dropped] == ["04.png"]
+    assert calibrated.pairs_dropped[0].why.startswith("right: its values are floating-point numbers of 32 bits")
 
 
 def test_one_picture_of_another_size_drops_its_pair(session: Path) -> None:
@@ -362,6 +373,59 @@ def test_corners_from_elsewhere() -> None:
         [board[:, :2] for board in boards], [px[:, None] for px in left], right, IMAGE_SIZE, names=list("abcdef")
     )
     assert np.array_equal(again.rig.K_left, calibrated.rig.K_left)
+
+
+def test_masked_corners_were_not_seen() -> None:
+    """NumPy forgets a mask without a word, and the number beneath was a corner."""
+    boards, left, right = corners()
+    right[2][3:6] = np.nan
+    expected = calibrate_from_corners(boards, left, right, IMAGE_SIZE)
+    beneath = np.where(np.isnan(right[2]), 500.0, right[2])
+    right[2] = np.ma.masked_array(beneath, mask=np.isnan(right[2]))
+    found = calibrate_from_corners(boards, left, right, IMAGE_SIZE)
+    assert found.to_document() == expected.to_document()
+    right[2] = np.ma.masked_array(np.round(beneath).astype(int), mask=right[2].mask)
+    with pytest.raises(ShapeError, match="view 3: the array of pixels is a masked array of int64"):
+        calibrate_from_corners(boards, left, right, IMAGE_SIZE)
+
+
+def upside_down(pixels: list[np.ndarray]) -> list[np.ndarray]:
+    return [np.array(IMAGE_SIZE) - 1.0 - px for px in pixels]
+
+
+@pytest.mark.parametrize("is_turned", [False, True])
+@pytest.mark.parametrize("is_exchanged", [False, True])
+def test_exchanged_cameras_are_noted_also_of_one_that_is_upside_down(is_exchanged: bool, is_turned: bool) -> None:
+    """The right camera's own axes say nothing of which side of the left one it stands on."""
+    boards, left, right = corners()
+    if is_exchanged:
+        left, right = right, left
+    if is_turned:
+        right = upside_down(right)
+    notes = calibrate_from_corners(boards, left, right, IMAGE_SIZE).notes
+    assert any("the right camera stands on the left camera's left" in text for text in notes) == is_exchanged
+
+
+@pytest.mark.parametrize("size", [(1024, 1224, 3), (1224,), 1224, (1224, 0), (1224.5, 1024)])
+def test_what_is_no_size_of_pictures_is_refused(size: Any) -> None:
+    """An array's shape has the height first, and the number of colours."""
+    with pytest.raises(
+        ShapeError, match=r"^image_size is .*\nhint: image_size is \(width, height\), of .*shape\[1::-1\]"
+    ):
+        calibrate_from_corners(*corners(), size)
+
+
+def test_corners_outside_the_stated_picture_are_refused() -> None:
+    boards, left, right = corners()
+    left[0][0] = [1220.0, 300.0]
+    exchanged = (IMAGE_SIZE[1], IMAGE_SIZE[0])
+    with pytest.raises(
+        ShapeError, match=r"outside a picture of 1024 × 1224 px\nhint: image_size is \(width, height\)"
+    ):
+        calibrate_from_corners(boards, left, right, exchanged)
+    right[1][7] = [-5.0, 300.0]
+    with pytest.raises(ShapeError, match=r"^view 2, right: a corner at \(-5\.0, 300\.0\) px is outside"):
+        calibrate_from_corners(boards, left, right, IMAGE_SIZE)
 
 
 def test_views_that_come_again_are_no_more_views() -> None:

@@ -144,6 +144,10 @@ def spoil_size(path):
     write_png(path, read_grey(path)[:400, :600].copy())
 
 
+def spoil_depth(path):
+    path.write_bytes(cv2.imencode(".tif", read_grey(path).astype(np.float32))[1].tobytes())
+
+
 @pytest.mark.parametrize(
     ("spoil", "why"),
     [
@@ -151,6 +155,7 @@ def spoil_size(path):
         (spoil_truncated, "truncated"),
         (spoil_text, "not a picture"),
         (spoil_empty, "empty"),
+        (spoil_depth, "floating-point numbers of 32 bits"),
         (spoil_size, "600 × 400 px, the rig's pictures are 640 × 480 px"),
     ],
 )

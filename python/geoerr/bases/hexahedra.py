@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr import _core
-from geoerr.errors import ShapeError
+from geoerr.errors import GeometryError, ShapeError
+from geoerr.geometry import unmasked
 
 Numbers = npt.NDArray[np.float64]
 
@@ -57,17 +58,19 @@ def fit_hexahedra(
     ShapeError
         for arrays that do not fit each other.
     GeometryError
-        for grid lines that do not rise.
+        for grid lines that do not rise, and positions or errors that are not finite; the message names the first row.
     """
     points = _points(position_mm)
-    errors = np.asarray(error, dtype=np.float64)
+    errors = np.asarray(unmasked(error, "error"), dtype=np.float64)
     if errors.ndim != 2 or len(errors) != len(points):
         raise ShapeError(f"error has shape {errors.shape}, ({len(points)}, c) is needed")
     if len(grid_mm) != 3:
         raise ShapeError(f"{len(grid_mm)} lists of grid lines: one along each of x, y and z is needed")
     x, y, z = (np.ascontiguousarray(lines, dtype=np.float64) for lines in grid_mm)
+    _refuse_not_finite(points, errors)
     rows = _core.Hexahedra(x, y, z).evaluate(points)
-    left, singular, right = np.linalg.svd(rows, full_matrices=True)
+    # The right vectors are whole where there are as many points as nodes; the left ones would take n² numbers.
+    left, singular, right = np.linalg.svd(rows, full_matrices=len(rows) < rows.shape[1])
     rank = int((singular > 1e-10 * singular.max(initial=0.0)).sum())
     nodal = right[:rank].T @ ((left[:, :rank].T @ errors) / singular[:rank, None])
     free = np.sqrt((right[rank:] ** 2).sum(axis=0)) > 1e-6
@@ -75,8 +78,21 @@ def fit_hexahedra(
     return HexahedronFit((x, y, z), nodal)
 
 
+def _refuse_not_finite(points: Numbers, errors: Numbers) -> None:
+    """Refuse a point that is not there: every node would hang on it."""
+    for name, values in (("position_mm", points), ("error", errors)):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if bad.size:
+            row = bad[0]
+            others = f" (and {bad.size - 1} more)" if bad.size > 1 else ""
+            raise GeometryError(
+                f"{name}[{row}] is {values[row].tolist()}{others}: not finite\n"
+                "hint: leave such points out, of position_mm and of error"
+            )
+
+
 def _points(position_mm: npt.ArrayLike) -> Numbers:
-    points = np.ascontiguousarray(position_mm, dtype=np.float64)
+    points = np.ascontiguousarray(unmasked(position_mm, "position_mm"), dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ShapeError(f"position_mm has shape {points.shape}, (n, 3) is needed")
     return points

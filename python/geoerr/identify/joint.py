@@ -12,10 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
+from geoerr.arguments import check_choice
 from geoerr.bases import basis_of
 from geoerr.error_functions import ErrorFunctions, NotDetermined
 from geoerr.fit import FitOptions, FitResult, fit_model
@@ -107,6 +108,7 @@ def identify_joint(
     `docs/theory/model.md`, "The joint estimate". Verified in tests/identify/test_joint.py and, against the nine
     lines' arithmetic and for coverage, by `validation/joint.py`.
     """
+    check_choice("straightness", straightness, get_args(StraightnessMethod))
     tables = one_or_several(observations)
     check_machine(machine, tables, "identify_joint(observations, machine)")
     check_tables(tables, "identify_joint(observations, machine)", Observations, CircularTest, Lengths)

@@ -19,11 +19,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.arguments import check_choice
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeometryError
 from geoerr.fit import digest_of, sightings_of
@@ -199,6 +200,8 @@ def identify_nine_line(
         if no line is recognised, or directions of travel are left-handed.
     ShapeError
         if the calibration's arrays do not fit the rows.
+    GeoerrError
+        for a straightness or roll that is none.
     """
     return analyze_nine_lines(
         observations,
@@ -222,10 +225,10 @@ def analyze_nine_lines(
     first_order: bool = False,
 ) -> NineLineResult:
     """Identify the 21 errors and keep the diagnostics; arguments as for `identify_nine_line`."""
+    check_choice("straightness", straightness, get_args(StraightnessMethod))
+    check_choice("roll", roll, get_args(RollMethod))
     check_machine(machine, [observations], "identify_nine_line(observations, machine)")
     check_tables([observations], "identify_nine_line(observations, machine)", Observations)
-    if straightness not in ("direct", "integrated") or roll not in ("linear", "li"):
-        raise ValueError(f"straightness {straightness!r} or roll {roll!r} is not a known method")
     data = measurements_of(observations)
     rig = checked_calibration(rig_sensitivity, rig_covariance, len(data.measured_mm))
     # A row without pixels is no part of what the calibration moves.

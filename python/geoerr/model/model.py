@@ -7,7 +7,7 @@ and signs are translated. Signs and frames: errors are actual minus nominal of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
@@ -462,7 +462,8 @@ class Model:
         """Give the covariance of the predicted displacement, (n, 3, 3): J C Jᵀ, J first order at each row.
 
         Row and column of a component that the data do not determine are NaN: see `is_determined_at`. Symmetric and
-        positive semidefinite: what rounding leaves below 0, where the error is 0 by convention, is 0.
+        positive semidefinite: what rounding leaves below 0, where the error is 0 by convention, is 0. A row
+        whose place or conditions are not finite is NaN, and disturbs no other.
 
         Raises
         ------
@@ -471,12 +472,13 @@ class Model:
         """
         record = self._record_of_machine
         rows, offset = _with_offsets(q_mm, offset_mm)
-        covariances, still = [np.empty((0, 3, 3))], []
-        for columns in self._columns(rows, offset, carrier, at, threads):
+        covariances, still, is_finite = [np.empty((0, 3, 3))], [], []
+        for columns, own in self._finite_columns(rows, offset, carrier, at, threads):
             covariances.append((columns @ record.covariance) @ columns.transpose(0, 2, 1))
             still.append(leaves_still(columns, record.null_space))
+            is_finite.append(own)
         result = _without_negative(np.concatenate(covariances))
-        is_open = ~self._determination.of_rows(still, rows, offset, carrier, at, threads)
+        is_open = ~self._determined(still, is_finite, rows, offset, carrier, at, threads)
         result[is_open[:, :, None] | is_open[:, None, :]] = np.nan
         return result
 
@@ -494,7 +496,8 @@ class Model:
         It is determined where no direction of the null space moves the point along it. A direction that moves all
         points as one rigid body is the set-up of the work: where that stands no measurement of the machine tells, and
         every part is set up anew. It does not count. Away from where an axis stood that never moved in the data,
-        nothing is determined that the errors of this axis move.
+        nothing is determined that the errors of this axis move. Nothing is in a row whose place or conditions are not
+        finite.
 
         Raises
         ------
@@ -503,8 +506,11 @@ class Model:
         """
         null_space = self._record_of_machine.null_space
         rows, offset = _with_offsets(q_mm, offset_mm)
-        still = [leaves_still(columns, null_space) for columns in self._columns(rows, offset, carrier, at, threads)]
-        return self._determination.of_rows(still, rows, offset, carrier, at, threads)
+        still, is_finite = [], []
+        for columns, own in self._finite_columns(rows, offset, carrier, at, threads):
+            still.append(leaves_still(columns, null_space))
+            is_finite.append(own)
+        return self._determined(still, is_finite, rows, offset, carrier, at, threads)
 
     def contributions(
         self,
@@ -808,6 +814,39 @@ class Model:
         for rows in self._rows(q_mm, offset_mm, carrier, at, _BLOCK_ROWS):
             yield self._seen.core.columns(*rows, *values, threads)
 
+    def _finite_columns(
+        self, rows: Numbers, offset: Numbers, carrier: Carrier, at: Conditions | None, threads: int
+    ) -> Iterator[tuple[Numbers, npt.NDArray[np.bool_]]]:
+        """Give `_columns`, 0 in rows that are not finite, and which rows of the block are, (n,)."""
+        is_finite = np.asarray(np.isfinite(np.hstack([rows, offset])).all(axis=1))
+        for number, columns in enumerate(self._columns(rows, offset, carrier, at, threads)):
+            first = number * _BLOCK_ROWS
+            own = np.isfinite(columns).all(axis=(1, 2)) & is_finite[first : first + len(columns)]
+            columns[~own] = 0.0
+            yield columns, own
+
+    def _determined(
+        self,
+        still: Sequence[npt.NDArray[np.bool_]],
+        is_finite: Sequence[npt.NDArray[np.bool_]],
+        rows: Numbers,
+        offset: Numbers,
+        carrier: Carrier,
+        at: Conditions | None,
+        threads: int,
+    ) -> npt.NDArray[np.bool_]:
+        """Tell which components (n, 3) are determined; rows that are not finite have no say in what is."""
+        own = np.concatenate(is_finite)
+        result = np.zeros((len(rows), 3), dtype=np.bool_)
+        if own.any():
+            blocks = [block[of_block] for block, of_block in zip(still, is_finite, strict=True)]
+            held = {
+                name: np.asarray(value)[own] if np.shape(value) == own.shape else value
+                for name, value in ({} if at is None else at).items()
+            }
+            result[own] = self._determination.of_rows(blocks, rows[own], offset[own], carrier, held, threads)
+        return result
+
     @property
     def _values(self) -> tuple[Numbers, Numbers]:
         """Coefficients and inner parameters of what moves the machine."""
@@ -883,7 +922,9 @@ def _with_offsets(q_mm: npt.ArrayLike, offset_mm: npt.ArrayLike | None) -> tuple
 def _without_negative(covariances: Numbers) -> Numbers:
     """Give covariances (n, 3, 3) symmetric, and those with a negative variance in some direction with 0 in it."""
     symmetric = np.asarray(0.5 * (covariances + covariances.transpose(0, 2, 1)))
-    is_negative = np.linalg.eigvalsh(symmetric).min(axis=1, initial=0.0) < 0.0
+    # One that overflows has no eigenvalues, and would leave the others without.
+    is_negative = np.asarray(np.isfinite(symmetric).all(axis=(1, 2)))
+    is_negative[is_negative] = np.linalg.eigvalsh(symmetric[is_negative]).min(axis=1, initial=0.0) < 0.0
     variance, axes = np.linalg.eigh(symmetric[is_negative])
     root = axes * np.sqrt(np.maximum(variance, 0.0))[:, None, :]
     symmetric[is_negative] = root @ root.transpose(0, 2, 1)

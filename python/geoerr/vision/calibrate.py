@@ -15,6 +15,7 @@ import numpy.typing as npt
 from geoerr.arguments import check_threads
 from geoerr.drawing import drawn
 from geoerr.errors import DetectionError, InputFileError, ShapeError
+from geoerr.geometry import unmasked
 from geoerr.vision.board_views import DISAGREEMENT, LEAST_VIEWS, BoardView, SeenCorners, repeated_views
 from geoerr.vision.boards import LEAST_CORNERS, BoardSighting, find_board, hint_for_unseen_board, same_colours
 from geoerr.vision.images import read_grey
@@ -41,6 +42,7 @@ _SCALE_BAR_NOTED_SIGMAS = 3.0
 # A detector's corners give a marker's side to some hundredths.
 _OTHER_MARKER = 0.1
 _REASONS_SHOWN = 6
+_SIZE_HINT = "image_size is (width, height), of a picture as an array `picture.shape[1::-1]`"
 
 
 @dataclass(frozen=True)
@@ -205,14 +207,14 @@ def calibrate_from_corners(
     left_points, right_points
         For each view (n, 2) pixels, pixel centres at whole numbers; NaN where a camera did not see the corner.
     image_size
-        (width, height), px.
+        (width, height), px: no corner lies outside.
     names
         Of the views; numbers from 1 where absent.
 
     Raises
     ------
     ShapeError
-        for arrays that do not fit together or a board that is not flat.
+        for arrays that do not fit together, a board that is not flat, or corners outside the picture.
     DetectionError, NotDeterminedError
         as `calibrate`.
     """
@@ -222,11 +224,13 @@ def calibrate_from_corners(
     labels = [str(number + 1) for number in range(n_views)] if names is None else list(names)
     if len(labels) != n_views:
         raise ShapeError(f"{n_views} views, {len(labels)} names")
+    size = _stated_size(image_size)
     views: list[BoardView] = []
     dropped: list[Dropped] = []
     for label, board, left, right in zip(labels, object_points, left_points, right_points, strict=True):
         board_mm = _board_points(board, label)
         sides = [_seen_corners(board_mm, points, label) for points in (left, right)]
+        _refuse_outside(sides, size, label)
         too_few = [side_name(camera) for camera, side in enumerate(sides) if not _is_enough(side)]
         if too_few:
             dropped.append(
@@ -241,7 +245,7 @@ def calibrate_from_corners(
     if len(views) < LEAST_VIEWS:
         reasons = "".join(f"\n  {item.name}: {item.why}" for item in dropped)
         raise DetectionError(f"{len(views)} of {n_views} views can be used, {LEAST_VIEWS} are needed{reasons}")
-    solved = solve_stereo(views, image_size)
+    solved = solve_stereo(views, size)
     return Calibration(solved.rig, solved, (*dropped, *solved.dropped), (), tuple(_notes(solved, ())))
 
 
@@ -410,7 +414,7 @@ def _hint_for_blind_cameras(board: BoardSpec, looks: Sequence[_PairLook]) -> str
 
 
 def _board_points(board: npt.ArrayLike, label: str) -> Array:
-    points = np.asarray(board, dtype=np.float64)
+    points = np.asarray(unmasked(board, f"view {label}: the board"), dtype=np.float64)
     points = points.reshape(-1, points.shape[-1]) if points.ndim else points.reshape(0, 0)
     if points.shape[1] == 2:
         points = np.column_stack([points, np.zeros(len(points))])
@@ -422,11 +426,33 @@ def _board_points(board: npt.ArrayLike, label: str) -> Array:
 
 
 def _seen_corners(board_mm: Array, points: npt.ArrayLike, label: str) -> SeenCorners:
-    pixels = np.asarray(points, dtype=np.float64).reshape(-1, 2)
+    pixels = np.asarray(unmasked(points, f"view {label}: the array of pixels"), dtype=np.float64).reshape(-1, 2)
     if len(pixels) != len(board_mm):
         raise ShapeError(f"view {label}: {len(board_mm)} board points, {len(pixels)} pixels")
     is_seen = np.isfinite(pixels).all(axis=1)
     return SeenCorners(board_mm[is_seen], pixels[is_seen], np.ones(int(is_seen.sum())))
+
+
+def _stated_size(image_size: Sequence[int]) -> Size:
+    """Give width and height; refuse what is not two whole numbers, as the shape of a picture is in NumPy."""
+    numbers = np.asarray(image_size)
+    if numbers.shape != (2,) or not np.issubdtype(numbers.dtype, np.integer) or numbers.min() < 1:
+        raise ShapeError(
+            f"image_size is {image_size!r}, which is no (width, height) in whole pixels\nhint: {_SIZE_HINT}"
+        )
+    return int(numbers[0]), int(numbers[1])
+
+
+def _refuse_outside(sides: Sequence[SeenCorners], size: Size, label: str) -> None:
+    for camera, side in enumerate(sides):
+        # Who counts from the corner of the first pixel is half a pixel off, and no farther.
+        is_outside = ((side.pixel < -1.0) | (side.pixel > size)).any(axis=1)
+        if is_outside.any():
+            u, v = side.pixel[is_outside][0]
+            raise ShapeError(
+                f"view {label}, {side_name(camera)}: a corner at ({u:.1f}, {v:.1f}) px is outside a picture of "
+                f"{_times(size)} px\nhint: {_SIZE_HINT}, or the corner is wrong: NaN where it was not seen"
+            )
 
 
 def _is_enough(side: SeenCorners) -> bool:
@@ -518,9 +544,10 @@ def _notes_on_parameters(solved: Solved) -> Iterator[str]:
                 f"the {side} camera's focal length is known to {100.0 * relative:.1f} % only: take views with the "
                 "board tilted by 30° or more, near and far, and in the corners of the picture"
             )
-    shift = rig.right_from_left.t_mm
-    if shift[0] > abs(shift[1]):
+    # The right camera's centre: the shift itself is along its own axes, and it may be mounted upside down.
+    centre_mm = -rig.right_from_left.R.T @ rig.right_from_left.t_mm
+    if -centre_mm[0] > abs(centre_mm[1]):
         yield (
-            "the right camera stands on the left camera's left: the folders may be exchanged, which does no harm as "
-            "long as frames.csv names the cameras the same way"
+            "the right camera stands on the left camera's left: the folders may be exchanged, or the left camera is "
+            "upside down, which does no harm as long as frames.csv names the cameras the same way"
         )

@@ -20,9 +20,12 @@ _GREY = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
 # Of 16 bits the upper 8 are taken. A camera of 12 bits or fewer that does not shift them up leaves less than this.
 _FAINT_OF_16_BITS = 4096
 _COPY_HINT = "copy it again from the camera or leave it out"
-# Field types and tags of TIFF 6.0 (sections 2, 8 and 15) that say where the picture's data lie.
+_DEPTH_HINT = "write it as grey of 8 or 16 bits, with one scale for all pictures"
+# Field types and tags of TIFF 6.0 (sections 2, 8, 15 and 19) that say where the picture's data lie and what they are.
 _TIFF_SHORT, _TIFF_LONG = 3, 4
 _TIFF_WIDTH, _TIFF_LENGTH = 256, 257
+_TIFF_BITS, _TIFF_SAMPLE_FORMAT = 258, 339
+_TIFF_FLOAT = 3
 _TIFF_STRIP_OFFSETS, _TIFF_STRIP_COUNTS = 273, 279
 _TIFF_TILE_OFFSETS, _TIFF_TILE_COUNTS = 324, 325
 # Markers of ITU-T T.81 (table B.1) that begin a frame and say its size: C0 to CF but DHT, JPG and DAC.
@@ -48,9 +51,9 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
     Raises
     ------
     InputFileError
-        for a missing, truncated or unreadable picture, a file that is none, or 16 bits of which hardly any are used.
-        Damage in the middle is told by a PNG's checksums; JPEG and TIFF have none, and what their decoders make of it
-        is taken as it comes.
+        for a missing, truncated or unreadable picture, a file that is none, 16 bits of which hardly any are used, and
+        for floating-point values or more bits. Damage in the middle is told by a PNG's checksums; JPEG and TIFF have
+        none, and what their decoders make of it is taken as it comes.
     """
     content, _ = _whole_file(path)
     try:
@@ -62,7 +65,10 @@ def read_grey(path: str | Path) -> npt.NDArray[np.uint8]:
     if image.dtype == np.uint8:
         return np.asarray(image)
     _refuse_faint(image, path)
-    return np.asarray(cv2.imdecode(np.frombuffer(content, dtype=np.uint8), _GREY), dtype=np.uint8)
+    image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), _GREY)
+    if image is None:
+        raise InputFileError(path, "the picture cannot be decoded as 8-bit grey", remedy=_DEPTH_HINT)
+    return np.asarray(image, dtype=np.uint8)
 
 
 def picture_size(path: str | Path) -> tuple[int, int]:
@@ -226,5 +232,14 @@ def _check_tiff(content: bytes, path: str | Path) -> tuple[int, int] | None:
         pairs = zip(fields.get(offsets, ()), fields.get(counts, ()), strict=False)
         if any(offset + count > len(content) for offset, count in pairs):
             raise _truncated(path)
+    _refuse_deep(max(fields.get(_TIFF_BITS, ()), default=1), _TIFF_FLOAT in fields.get(_TIFF_SAMPLE_FORMAT, ()), path)
     width, height = (fields.get(tag, ()) for tag in (_TIFF_WIDTH, _TIFF_LENGTH))
     return (width[0], height[0]) if width and height else None
+
+
+def _refuse_deep(bits: int, is_float: bool, path: str | Path) -> None:
+    """Refuse values of which nothing says which is black and which is white: 0 to 1, to 255, or any others."""
+    if is_float or bits > 16:
+        kind = "floating-point" if is_float else "whole"
+        problem = f"its values are {kind} numbers of {bits} bits: which of them are black and white is not said"
+        raise InputFileError(path, problem, remedy=_DEPTH_HINT)
