@@ -9,7 +9,8 @@ model, and is judged by what can be seen of it.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
@@ -20,9 +21,11 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
 
-# A temperature whose variance is a smaller share of its mean square, both above what it is told from. One that rises
-# evenly from there has a quarter.
-_STEADY = 0.1
+# A channel, and the number of a formula.
+_Key: TypeAlias = tuple[str, int]
+# A temperature whose variance is a smaller share of its mean square, both above what it is told from: a tenth of what
+# follows it is as much as nothing is said of. One that rises evenly from there has a quarter.
+_STEADY = 0.02
 # Columns that are held against the model at a time.
 _TOGETHER = 64
 
@@ -30,24 +33,40 @@ _TOGETHER = 64
 def judge_about_means(fitted: Fitted, functions: Functions, terms: Iterable[Term]) -> None:
     """Let what follows a steady temperature be judged about its mean, where a fit owns what it is multiplied with."""
     used = fitted.solved.used
-    asked: dict[tuple[str, int], tuple[list[CompiledPart], list[Numbers]]] = {}
+    following: dict[_Key, list[CompiledPart]] = {}
+    carriers: dict[_Key, dict[tuple[float, ...], Numbers]] = {}
+    for term, parts in _of_steady(functions, terms, used):
+        first = parts[0]
+        key = first.channel, first.expression
+        following.setdefault(key, []).extend(parts)
+        columns = carriers.setdefault(key, {})
+        for inner in _some_values(term.inner, first):
+            # Whatever temperature it follows: many terms have one formula.
+            values = tuple(inner[place] for place in first.inner)
+            if values not in columns:
+                columns[values] = functions.carrier(first, inner)
+    if not carriers:
+        return
+    owned = _are_owned(fitted, {key: np.concatenate([*columns.values()]) for key, columns in carriers.items()})
+    for key, own in following.items():
+        if owned[key]:
+            for one in own:
+                functions.center(one, used)
+
+
+def _of_steady(
+    functions: Functions, terms: Iterable[Term], used: np.ndarray
+) -> Iterator[tuple[Term, list[CompiledPart]]]:
+    """Give every part of a term that is proportional to a steady temperature, compiled, with its term."""
     for term in terms:
+        if term.covariate is None:
+            continue
         for part in term.parts:
             parts = functions.parts(term, part)
             if parts[0].follows is None or not functions.is_proportional(parts[0], term):
                 continue
-            if not _is_steady(_followed(functions, parts)[used]):
-                continue
-            own, columns = asked.setdefault((parts[0].channel, parts[0].expression), ([], []))
-            own += parts
-            columns += [functions.carrier(parts[0], inner) for inner in _some_values(term.inner, parts[0])]
-    if not asked:
-        return
-    owned = _are_owned(fitted, {key: np.concatenate(columns) for key, (_, columns) in asked.items()})
-    for key, (parts, _) in asked.items():
-        if owned[key]:
-            for one in parts:
-                functions.center(one, used)
+            if _is_steady(_followed(functions, parts)[used]):
+                yield term, parts
 
 
 def _followed(functions: Functions, parts: Sequence[CompiledPart]) -> Numbers:
@@ -74,7 +93,7 @@ def _some_values(inner: Sequence[Parameter], part: CompiledPart) -> Iterable[lis
     return map(list, itertools.product(*choices))
 
 
-def _are_owned(fitted: Fitted, columns: dict[tuple[str, int], Numbers]) -> dict[tuple[str, int], bool]:
+def _are_owned(fitted: Fitted, columns: dict[_Key, Numbers]) -> dict[_Key, bool]:
     """Tell of columns (k, n) by their channel whether the model leaves less of each than it does of anything."""
     rows = (fitted.sightings.is_measured & fitted.solved.used[:, None]).astype(np.float64)
     channels = Channels(fitted, rows, threads=fitted.threads)
