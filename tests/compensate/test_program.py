@@ -178,6 +178,38 @@ def test_the_result_as_a_document():
     assert document["lines"] == 7
 
 
+PASS = CompensationOptions(on_unsupported="pass")
+
+
+@pytest.mark.parametrize(
+    ("program", "why"),
+    [
+        (b"", "the program is empty: nothing was corrected"),
+        (b"hello\n", "no move was read in 1 line: nothing was corrected; is it G-code?"),
+        (b"G21\nM5\n", "no move was read in 2 lines: nothing was corrected; is it G-code?"),
+        (b"G91\nG1 X5 F9\n", "the position is nowhere known: nothing was corrected, 1 move passed through untouched"),
+        (b"G90\nG2 X5 Y5 I5 J0\n", "nothing was corrected; untouched: 1 lines that are not corrected"),
+        (
+            b"M98 P1\nG1 X5 Y5 Z5\n",
+            "nothing was corrected; untouched: 1 lines that are not corrected, "
+            "1 lines behind the part that can be followed",
+        ),
+        (b"G1 X5 Y5 Z5 F9\n", None),
+    ],
+)
+def test_why_nothing_was_corrected(program, why):
+    """An arc was said to have no known position, and a program without moves was passed over in silence."""
+    assert compensate_bytes(leaning(), program, PASS)[1].why_nothing_corrected == why
+
+
+def test_a_program_without_moves_is_a_warning(tmp_path):
+    write_errors(tmp_path / "errors.json", leaning().errors)
+    (tmp_path / "readme.txt").write_text("hello\n")
+    command = ["compensate", tmp_path / "errors.json", tmp_path / "readme.txt", "-o", tmp_path / "out.gcode"]
+    done = subprocess.run([sys.executable, "-m", "geoerr", *command], capture_output=True, text=True, check=True)
+    assert "warning: no move was read in 1 line: nothing was corrected; is it G-code?\n" in done.stderr
+
+
 def test_options_that_make_no_sense_are_refused():
     with pytest.raises(GeoerrError, match=r"is needed"):
         compensate_bytes(printer(), SQUARE, CompensationOptions(tolerance_mm=0.0))

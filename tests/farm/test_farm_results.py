@@ -214,6 +214,20 @@ def test_results_that_stand_among_the_machines_are_no_machine(farm: Path) -> Non
     assert not again.failures
 
 
+def test_an_outcome_says_that_nothing_was_corrected(farm: Path) -> None:
+    (farm / "mill-1/programs/readme.txt").write_text("hello\n")
+    done, written = results(farm / "mill-1")
+    by_program = {one.program: one for one in done.outcomes}
+    assert not by_program["programs/corner.gcode"].has_nothing_corrected
+    assert not by_program[None].has_nothing_corrected
+    readme = by_program["programs/readme.txt"]
+    assert readme.has_nothing_corrected
+    document = readme.to_document()
+    assert (document["says"], document["error"]) == ("nothing was corrected", None)
+    assert document["notes"][0] == "warning: no move was read in 1 line: nothing was corrected; is it G-code?"
+    assert written["mill-1/programs/readme.txt"] == b"hello\n"
+
+
 def test_what_is_to_be_known_of_a_program_is_handed_on(farm: Path) -> None:
     """As `geoerr compensate` says it: of a program that was corrected in part a number of warnings was told."""
     (farm / "mill-1/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z20\nG2 X20 Y20 I10 J0\nG1 X150\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,9 @@ OPTIONS = ("--do", "fit", "--do", "diagnose", "--do", "compensate", "--component
 
 def geoerr_farm(farm: Path, *more: str, status: int = 0) -> str:
     command = [sys.executable, "-m", "geoerr", "farm", str(farm), "-o", str(farm.parent / "out"), *OPTIONS, *more]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    # Where pytest has a width to fit, the command would fit it too.
+    environment = {**os.environ, "COLUMNS": ""}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120, env=environment)
     assert done.returncode == status, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
     return done.stdout
@@ -42,6 +45,31 @@ def test_warnings_are_told_once_for_all_programs(farm: Path) -> None:
     assert lines[5] == "warnings:"
     assert lines[6].startswith("  mill-0/programs/corner.gcode, mill-2/programs/corner.gcode: line 4: `G2 X20")
     assert lines[7:] == ["", "4 machines, 0 of them with a failure"]
+
+
+def test_programs_without_a_corrected_move_are_told_apart(farm: Path) -> None:
+    """Each by its name, however many: who runs one runs what nobody corrected."""
+    programs = farm / "mill-0/programs"
+    for number in range(4):
+        (programs / f"note-{number}.txt").write_text("G21\nM5\n")
+    (programs / "readme.txt").write_text("hello\n")
+    (programs / "empty.gcode").write_text("")
+    (farm / "mill-1/programs/corner.gcode").write_text("G21\nG91\nG1 X5 F1200\nG1 Y5\n")
+    lines = geoerr_farm(farm, "--threads", "1").splitlines()
+    assert lines[0].endswith("; 1 of 7 programs corrected")
+    assert lines[1].endswith("; 0 of 1 programs corrected")
+    assert lines[3].endswith("; 2 of 2 programs corrected")
+    warned = lines[lines.index("warnings:") + 1 :]
+    notes = ", ".join(f"mill-0/programs/note-{number}.txt" for number in range(4))
+    for told in (
+        f"  {notes}: no move was read in 2 lines: nothing was corrected; is it G-code?",
+        "  mill-0/programs/readme.txt: no move was read in 1 line: nothing was corrected; is it G-code?",
+        "  mill-0/programs/empty.gcode: the program is empty: nothing was corrected",
+        "  mill-1/programs/corner.gcode: the position is nowhere known: nothing was corrected, 2 moves passed through"
+        " untouched",
+    ):
+        assert told in warned
+    assert lines[-1] == "4 machines, 0 of them with a failure"
 
 
 def test_a_cluster_is_given_by_its_address(farm: Path, right_bytes: dict[str, bytes]) -> None:

@@ -117,8 +117,8 @@ def compensate(
         note(f"warning: {warning}", quiet)
     for sentence in result.notes:
         note(f"note: {sentence}", quiet)
-    if result.moves_in and not result.moves_corrected:
-        note("warning: no move was corrected: the position is nowhere known", quiet)
+    if result.why_nothing_corrected:
+        note(f"warning: {result.why_nothing_corrected}", quiet)
     if as_json:
         provenance = provenance_of_command([model, program])
         print_json({**result.to_document(), "provenance": provenance.to_document()})
@@ -141,14 +141,8 @@ def _report(result: CompensationResult) -> str:
         lines.append(f"{size} µm over the box of the program's moves{unknown}")
         if result.not_in_model:
             lines.append("errors that are not in the model are not counted in that")
-    untouched = {
-        "moves before the position is known": result.untouched_position_unknown,
-        "lines that are not corrected": result.untouched_unsupported,
-        "lines behind the part that can be followed": result.lines_not_followed,
-    }
-    told = [f"{count} {what}" for what, count in untouched.items() if count]
-    if told:
-        lines.append(f"untouched: {', '.join(told)}")
+    if result.untouched:
+        lines.append(f"untouched: {result.untouched}")
     if result.extrusion_in_mm or result.extrusion_out_mm:
         lines.append(f"extrusion {result.extrusion_in_mm:.5f} mm in, {result.extrusion_out_mm:.5f} mm out")
     return "\n".join(lines)

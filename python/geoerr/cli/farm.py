@@ -146,38 +146,46 @@ def _connected(scheduler: str) -> Iterator[FarmExecutor]:
         yield client.get_executor()
 
 
-def _some_of(names: list[str]) -> str:
-    shown = ", ".join(names[:_MACHINES_SHOWN])
-    return shown if len(names) <= _MACHINES_SHOWN else f"{shown} and {len(names) - _MACHINES_SHOWN} more"
+def _some_of(names: list[str], most: int) -> str:
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
 
 
 def _lines(done: Farm) -> list[str]:
     """Say of each machine what it lacks and how many programs were corrected; then warnings; what failed, and why."""
-    from geoerr.farm.outcome import WARNING
-
     by_machine = done.by_machine
     width = max(map(len, by_machine), default=0)
     lines = [f"{name:<{width}}  {_machine_words(outcomes)}" for name, outcomes in by_machine.items()]
-    warned = _told(
-        (f"{one.machine}/{one.program}", said.removeprefix(WARNING))
-        for one in done.outcomes
-        for said in one.notes
-        if said.startswith(WARNING)
-    )
+    uncorrected = [one for one in done.outcomes if one.has_nothing_corrected]
+    warned = [
+        # Each by its name: a program among them that is run is one that nobody corrected.
+        *_told(_warnings(uncorrected), most=len(uncorrected)),
+        *_told(_warnings(one for one in done.outcomes if not one.has_nothing_corrected)),
+    ]
     failed = _told((one.machine, str(one.error)) for one in done.failures)
     lines += [*(["", "warnings:", *warned] if warned else []), *(["", "failed:", *failed] if failed else [])]
     n_failed = len({one.machine for one in done.failures})
     return [*lines, "", f"{len(by_machine)} machines, {n_failed} of them with a failure"]
 
 
-def _told(said: Iterable[tuple[str, str]]) -> list[str]:
+def _warnings(outcomes: Iterable[Outcome]) -> Iterator[tuple[str, str]]:
+    """Give each warning behind the program that it is about."""
+    from geoerr.farm.outcome import WARNING
+
+    for one in outcomes:
+        for said in one.notes:
+            if said.startswith(WARNING):
+                yield f"{one.machine}/{one.program}", said.removeprefix(WARNING)
+
+
+def _told(said: Iterable[tuple[str, str]], most: int = _MACHINES_SHOWN) -> list[str]:
     """Give what is said of names, once for all of which it is: of one bad table two steps say the same."""
     from geoerr.summaries import by_reason
 
     lines = []
     for text, names in by_reason(dict.fromkeys(said)).items():
         first, *more = text.splitlines()
-        lines += [f"  {_some_of(list(names))}: {first}", *(f"  {line}" for line in more)]
+        lines += [f"  {_some_of(list(names), most)}: {first}", *(f"  {line}" for line in more)]
     return lines
 
 
@@ -188,6 +196,6 @@ def _machine_words(outcomes: tuple[Outcome, ...]) -> str:
     if steps:
         parts.append(f"{steps[-1].step} failed" if steps[-1].error else steps[-1].says)
     if programs:
-        corrected = sum(one.error is None for one in programs)
+        corrected = sum(one.error is None and not one.has_nothing_corrected for one in programs)
         parts.append(f"{corrected} of {len(programs)} programs corrected")
     return "; ".join(parts)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 import sys
+import threading
+import time
 from typing import Any
 
 import typer
@@ -16,6 +19,9 @@ from geoerr.errors import GeoerrError
 # Before NumPy is loaded: its matrices here are small, and a pool of threads for each would take the cores from the
 # pictures, and might join sums in another order on another machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# What is told to end may take so long for it before it is ended at once.
+_CLEAN_UP_S = 5.0
 
 # Each has a module with `register(app: typer.Typer) -> None`. Order and words are those of `geoerr --help`, which
 # loads none of them.
@@ -40,6 +46,20 @@ VERBS = {
     "target": "Plates and boards to print, true to scale.",
     "doctor": "Check the installation, and whether files can be read.",
 }
+
+
+class _ToldToEnd(KeyboardInterrupt):
+    """A signal to end: what cleans up after Ctrl-C does so after it, too.
+
+    Parameters
+    ----------
+    number
+        Of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.status = 128 + number
 
 
 class _Verbs(typer.core.TyperGroup):
@@ -69,6 +89,8 @@ class _Verbs(typer.core.TyperGroup):
             # What checks the value says first that it is one who checks.
             error.message = error.message.removeprefix("Value error, ")
             raise
+        except _ToldToEnd as told:
+            raise typer.Exit(told.status) from None
         except BrokenPipeError:
             _stop_writing()
             raise typer.Exit from None
@@ -135,8 +157,35 @@ def _top(
     """Hold the options that belong to no verb."""
 
 
+def _end_in_good_order() -> None:
+    """Have SIGTERM, and SIGHUP where there is one, end a verb as Ctrl-C does; what `nohup` ignores stays ignored.
+
+    Else a process that is ended so leaves its temporary files behind. Only a command line does this: signals of a
+    program that uses geoerr are its own.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    first_s: float | None = None
+
+    def end(number: int, _frame: object) -> None:
+        nonlocal first_s
+        if first_s is None:
+            first_s = time.monotonic()
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            raise _ToldToEnd(number)
+        # A terminal that is closed tells it twice and must not break off the clean-up; who tells it later has waited.
+        if time.monotonic() - first_s > _CLEAN_UP_S:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+
+    for one in (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)):
+        if signal.getsignal(one) == signal.SIG_DFL:
+            signal.signal(one, end)
+
+
 def run() -> None:
     """Run the command line; a refusal is one clear message and exit status 1, never a traceback."""
+    _end_in_good_order()
     try:
         app()
     except GeoerrError as error:

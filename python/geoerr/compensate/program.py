@@ -35,6 +35,7 @@ from geoerr.model.program_conditions import (
     without_waves_in_time,
 )
 from geoerr.model.worth import UncertainTerm, well_known
+from geoerr.summaries import counted
 
 Firmware = Literal["marlin", "klipper", "reprapfirmware"]
 OnUnsupported = Literal["refuse", "pass"]
@@ -193,6 +194,33 @@ class CompensationResult:
     extrapolated: tuple[Extrapolated, ...]
     warnings: tuple[ProgramWarning, ...]
     notes: tuple[str, ...]
+
+    @property
+    def untouched(self) -> str:
+        """What passed through as it was, in words; empty where all was corrected that moves."""
+        counts = {
+            "moves before the position is known": self.untouched_position_unknown,
+            "lines that are not corrected": self.untouched_unsupported,
+            "lines behind the part that can be followed": self.lines_not_followed,
+        }
+        return ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+
+    @property
+    def why_nothing_corrected(self) -> str | None:
+        """Why no move was corrected, as far as that is known; None where one was.
+
+        A program that came out as it went in would be taken for a corrected one.
+        """
+        if self.moves_corrected:
+            return None
+        if not self.lines:
+            return "the program is empty: nothing was corrected"
+        if self.moves_in and self.untouched_position_unknown == self.moves_in:
+            passed = f"{counted(self.moves_in, 'move')} passed through untouched"
+            return f"the position is nowhere known: nothing was corrected, {passed}"
+        if self.untouched:
+            return f"nothing was corrected; untouched: {self.untouched}"
+        return f"no move was read in {counted(self.lines, 'line')}: nothing was corrected; is it G-code?"
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""

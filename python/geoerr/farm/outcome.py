@@ -8,6 +8,8 @@ from typing import Any
 
 # What a note begins with that is more than a note.
 WARNING = "warning: "
+# What is said of a program in which no move was corrected; a warning among its notes says why.
+NOTHING_CORRECTED = "nothing was corrected"
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,7 @@ class Outcome:
     files
         What was written, below the output's folder.
     says
-        The result in a sentence; empty where it failed.
+        The result in a sentence, `nothing was corrected` of a program in which no move was; empty where it failed.
     error
         Why it failed: file, place and remedy; None where it did not.
     notes
@@ -39,6 +41,11 @@ class Outcome:
     says: str = ""
     error: str | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def has_nothing_corrected(self) -> bool:
+        """Whether it is a program in which no move was corrected: it is among the results as it was."""
+        return self.step == "compensate" and self.says == NOTHING_CORRECTED
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""

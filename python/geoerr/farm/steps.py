@@ -11,7 +11,7 @@ from geoerr.diagnose import Verdict
 from geoerr.effects import load_catalogue, load_effects
 from geoerr.errors import InputFileError
 from geoerr.farm.folders import MODELS, TABLES, bytes_of
-from geoerr.farm.outcome import WARNING, StepResult
+from geoerr.farm.outcome import NOTHING_CORRECTED, WARNING, StepResult
 from geoerr.farm.recipe import Recipe, Step
 from geoerr.files import null_for_nan, write_json
 from geoerr.machine import Machine, read_machine
@@ -191,13 +191,14 @@ def _compensate(bench: Bench) -> list[StepResult]:
         threads=_THREADS,
     )
     corrected.replace(source)
+    why_nothing = done.why_nothing_corrected
     says = f"{done.moves_in} moves, largest correction {done.largest_correction_um:.1f} µm"
     extrapolated = [str(one) for one in done.extrapolated]
     notes = (
-        *(f"{WARNING}{said}" for said in (*done.warnings, *extrapolated)),
+        *(f"{WARNING}{said}" for said in (*([why_nothing] if why_nothing else []), *done.warnings, *extrapolated)),
         *(said for said in done.notes if said not in extrapolated),
     )
-    return bench.result("compensate", says, bench.program, notes=notes)
+    return bench.result("compensate", NOTHING_CORRECTED if why_nothing else says, bench.program, notes=notes)
 
 
 DONE_BY: dict[Step, Callable[[Bench], list[StepResult]]] = {
