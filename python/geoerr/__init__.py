@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     )
     from geoerr.report.model_page import write_model_report
     from geoerr.states import States, identify_states
-    from geoerr.verify.ballbar import run_circular_test
+    from geoerr.verify.ballbar import circle_of_first_run, circle_to_test, run_circular_test
     from geoerr.verify.path import compare_paths
     from geoerr.verify.path_trace import trace_paths
     from geoerr.vision.calibrate import calibrate, calibrate_from_corners
@@ -60,6 +60,8 @@ _HOMES = {
     "calibrate": "geoerr.vision.calibrate",
     "calibrate_from_corners": "geoerr.vision.calibrate",
     "catalogue": "geoerr.effects",
+    "circle_of_first_run": "geoerr.verify.ballbar",
+    "circle_to_test": "geoerr.verify.ballbar",
     "CircularTest": "geoerr.observations",
     "common_rows": "geoerr.diagnose",
     "compare": "geoerr.diagnose",
@@ -135,6 +137,8 @@ __all__ = [
     "calibrate",
     "calibrate_from_corners",
     "catalogue",
+    "circle_of_first_run",
+    "circle_to_test",
     "common_rows",
     "compare",
     "compare_paths",
