@@ -58,19 +58,32 @@ class Determination:
     def of_rows(
         self,
         blocks: Sequence[npt.NDArray[np.bool_]],
+        finite_blocks: Sequence[npt.NDArray[np.bool_]],
         rows: Numbers,
         offset: Numbers,
         carrier: Carrier,
         at: Conditions | None,
         threads: int,
     ) -> npt.NDArray[np.bool_]:
-        """Tell which components (n, 3) no direction moves, from what stands still by rows in blocks (n, 3, k)."""
+        """Tell which components (n, 3) no direction moves, from what stands still by rows in blocks (n, 3, k).
+
+        Nothing is determined in rows that are not finite, by the same blocks (n,): these have no say in the others.
+        """
         null_space = self.record.null_space
-        still = np.concatenate([np.empty((0, 3, null_space.shape[1]), dtype=np.bool_), *blocks])
+        is_finite = np.concatenate([np.empty(0, dtype=np.bool_), *finite_blocks])
+        whole = np.zeros((len(rows), 3), dtype=np.bool_)
+        if not is_finite.any():
+            return whole
+        at = {
+            name: np.asarray(value)[is_finite] if np.shape(value) == is_finite.shape else value
+            for name, value in (at or {}).items()
+        }
+        rows, offset = rows[is_finite], offset[is_finite]
+        still = np.concatenate([np.empty((0, 3, null_space.shape[1]), dtype=np.bool_), *blocks])[is_finite]
         open_rows = ~still.all(axis=(1, 2))
         # Rigid motions are told on a grid, under the least and the most of every condition: what moves all points one
         # way here and another way there, as play does, is no set-up.
-        ends = [_end_of(at or {}, end) for end in (np.min, np.max)]
+        ends = [_end_of(at, end) for end in (np.min, np.max)]
         is_away = np.any([np.zeros(len(rows), dtype=np.bool_), *self._away(rows).values()], axis=0)
         # A squareness with an axis that stood shifts the plane that was measured as a whole, and shears the volume.
         for away, box_mm in ((False, self.measured_box_mm), (True, self._box_beyond_mm)):
@@ -80,7 +93,8 @@ class Determination:
                 still[rows_of_offset] |= ~self._bends(box_mm, own, carrier, ends, null_space, threads)
         result = np.asarray(still.all(axis=2))
         result[is_away] &= ~self._moved_by_unknown(rows[is_away], offset[is_away], carrier, threads)
-        return result
+        whole[is_finite] = result
+        return whole
 
     @property
     def _box_beyond_mm(self) -> tuple[tuple[float, float], ...]:

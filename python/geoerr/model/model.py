@@ -7,7 +7,7 @@ and signs are translated. Signs and frames: errors are actual minus nominal of t
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
@@ -478,7 +478,7 @@ class Model:
             still.append(leaves_still(columns, record.null_space))
             is_finite.append(own)
         result = _without_negative(np.concatenate(covariances))
-        is_open = ~self._determined(still, is_finite, rows, offset, carrier, at, threads)
+        is_open = ~self._determination.of_rows(still, is_finite, rows, offset, carrier, at, threads)
         result[is_open[:, :, None] | is_open[:, None, :]] = np.nan
         return result
 
@@ -510,7 +510,7 @@ class Model:
         for columns, own in self._finite_columns(rows, offset, carrier, at, threads):
             still.append(leaves_still(columns, null_space))
             is_finite.append(own)
-        return self._determined(still, is_finite, rows, offset, carrier, at, threads)
+        return self._determination.of_rows(still, is_finite, rows, offset, carrier, at, threads)
 
     def contributions(
         self,
@@ -824,28 +824,6 @@ class Model:
             own = np.isfinite(columns).all(axis=(1, 2)) & is_finite[first : first + len(columns)]
             columns[~own] = 0.0
             yield columns, own
-
-    def _determined(
-        self,
-        still: Sequence[npt.NDArray[np.bool_]],
-        is_finite: Sequence[npt.NDArray[np.bool_]],
-        rows: Numbers,
-        offset: Numbers,
-        carrier: Carrier,
-        at: Conditions | None,
-        threads: int,
-    ) -> npt.NDArray[np.bool_]:
-        """Tell which components (n, 3) are determined; rows that are not finite have no say in what is."""
-        own = np.concatenate(is_finite)
-        result = np.zeros((len(rows), 3), dtype=np.bool_)
-        if own.any():
-            blocks = [block[of_block] for block, of_block in zip(still, is_finite, strict=True)]
-            held = {
-                name: np.asarray(value)[own] if np.shape(value) == own.shape else value
-                for name, value in ({} if at is None else at).items()
-            }
-            result[own] = self._determination.of_rows(blocks, rows[own], offset[own], carrier, held, threads)
-        return result
 
     @property
     def _values(self) -> tuple[Numbers, Numbers]:
