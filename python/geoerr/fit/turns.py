@@ -49,9 +49,10 @@ def turned_in_plane(
         seen = sightings.is_measured[own].any(axis=0)
         if kind != "parallel":
             continue
-        moved = _axes_moved(sightings, own & ~static)
+        moving = own & ~static
+        moved = _axes_moved(sightings, moving)
         if moved.any() and not (moved & seen).any():
-            derivatives += _tilts(nominal_mm, own, moved, seen)
+            derivatives += _tilts(nominal_mm, moving, moved, seen)
             continue
         if int(seen.sum()) != 2:
             continue
@@ -84,11 +85,11 @@ def _axes_moved(sightings: Sightings, rows: np.ndarray) -> np.ndarray:
     return np.asarray(np.ptp(sightings.commanded_mm[rows], axis=0) > SAME_POSITION_MM)
 
 
-def _tilts(nominal_mm: Numbers, own: np.ndarray, moved: np.ndarray, seen: np.ndarray) -> Iterator[Numbers]:
-    """Give what tilts of a device do to the points (n, 3, 1) of its session's rows (n,).
+def _tilts(nominal_mm: Numbers, rows: np.ndarray, moved: np.ndarray, seen: np.ndarray) -> Iterator[Numbers]:
+    """Give what tilts of a device do to the points (n, 3, 1) of rows (n,) of its session.
 
     `moved` and `seen` (3,) tell along which axes it went, and which components were measured: each tilts along each.
     """
-    lever = np.where(own[:, None], nominal_mm - nominal_mm[own].mean(axis=0), 0.0)
+    lever = np.where(rows[:, None], nominal_mm - nominal_mm[rows].mean(axis=0), 0.0)
     for along, across in itertools.product(np.eye(3)[moved], np.eye(3)[seen]):
         yield np.cross(np.cross(along, across), lever)[:, :, None]
