@@ -52,8 +52,10 @@ _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # Axis words mean something else until the second code: diameters, polar, scaled, turned; offset by the cutter.
 _TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40.0, 42.0: 40.0, 42.1: 40.0}
 _TRANSFORM |= {12.1: 13.1, 112.0: 113.0, 254.0: 255.0}
-# For good: cylinders, poles, and the units of Siemens' controls.
-_OTHER_MEANING = frozenset((7.1, 107.0, 110.0, 111.0, 700.0, 710.0))
+# For good: cylinders and poles.
+_OTHER_MEANING = frozenset((7.1, 107.0, 110.0, 111.0))
+# Inches and millimetres, of Siemens' controls too.
+_UNITS = {20.0: _INCH_MM, 21.0: 1.0, 700.0: _INCH_MM, 710.0: 1.0}
 _TRANSFORM_ENDS = frozenset(_TRANSFORM.values())
 
 
@@ -332,7 +334,7 @@ class ProgramReader:
             return True
         # Klipper and Marlin run the first code alone; Klipper stops at inches.
         is_cut = self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1
-        return is_cut or (self._firmware == "klipper" and 20.0 in statement.codes)
+        return is_cut or (self._firmware == "klipper" and not {20.0, 700.0}.isdisjoint(statement.codes))
 
     def _plain_move(self, plain: re.Match[bytes]) -> Move | None:
         self._modes.motion = "straight"
@@ -472,9 +474,9 @@ class ProgramReader:
         modes = self._modes
         if self._take_motion(code):
             return True
-        if code in (20.0, 21.0):
-            modes.unit_mm = _INCH_MM if code == 20.0 else 1.0
-            self._extruder.nano_units = _NANO_INCH_UNITS if code == 20.0 else _NANO_MM_UNITS
+        if code in _UNITS:
+            modes.unit_mm = _UNITS[code]
+            self._extruder.nano_units = _NANO_INCH_UNITS if modes.unit_mm == _INCH_MM else _NANO_MM_UNITS
         elif code in (90.0, 91.0):
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)

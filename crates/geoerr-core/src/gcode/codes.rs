@@ -25,7 +25,7 @@ pub enum Code {
     SetShift,
     /// `G52`, `G92.1` to `G92.3`.
     OtherShift,
-    /// `G20`, `G21`.
+    /// `G20`, `G21`; `G700`, `G710` of Siemens' controls.
     Unit {
         /// Inches.
         is_inch: bool,
@@ -59,7 +59,7 @@ pub enum Code {
     TransformOn,
     /// `G8`, `G13.1`, `G15`, `G50`, `G69`, `G113`, `G255`.
     TransformOff,
-    /// Other axis words from now on: cylinders (`G7.1`, `G107`), poles (`G110`, `G111`), Siemens' units (`G700`, `G710`).
+    /// Other axis words from now on: cylinders (`G7.1`, `G107`), poles (`G110`, `G111`).
     OtherMeaning,
     /// `G60`: Marlin remembers the place, to which `G61` then goes.
     SavePlace,
@@ -90,7 +90,7 @@ impl Code {
             120 | 122..=129 | 260..=279 | 290..=300 | 320 | 340..=359 | 4250 => Self::MovesItself,
             920 => Self::SetShift,
             520 | 921..=923 => Self::OtherShift,
-            200 | 210 => Self::Unit { is_inch: code10 == 200 },
+            200 | 210 | 7000 | 7100 => Self::Unit { is_inch: matches!(code10, 200 | 7000) },
             900 | 910 => Self::Distance { is_relative: code10 == 910 },
             530 => Self::MachineCoordinates,
             540 | 550 | 560 | 570 | 580 | 590 => Self::System((code10 as usize - 540) / 10),
@@ -103,7 +103,7 @@ impl Code {
             930 => Self::InverseTime,
             940 | 950 => Self::FeedRate,
             70 | 121 | 160 | 510..=519 | 680..=689 | 1120 | 2540 => Self::TransformOn,
-            71 | 1070 | 1100 | 1110 | 7000 | 7100 => Self::OtherMeaning,
+            71 | 1070 | 1100 | 1110 => Self::OtherMeaning,
             80 | 131 | 150 | 500 | 501 | 690 | 1130 | 2550 => Self::TransformOff,
             600 => Self::SavePlace,
             610 => Self::ExactOrRestore,
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(Code::of(541), Code::FurtherSystem, "G54.1");
         assert_eq!(Code::of(1540), Code::FurtherSystem, "G154");
         assert_eq!(Code::of(611), Code::Harmless);
-        assert_eq!(Code::of(7000), Code::OtherMeaning, "G700, not G70");
+        assert_eq!(Code::of(7000), Code::Unit { is_inch: true }, "G700, not G70");
         assert_eq!(Code::of(121), Code::TransformOn, "G12.1");
         assert_eq!(Code::of(120), Code::MovesItself, "G12");
         assert_eq!(Code::of(5050), Code::FurtherSystem, "G505");

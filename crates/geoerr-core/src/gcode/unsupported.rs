@@ -136,7 +136,7 @@ pub enum Unsupported {
         "whether a line that begins with / runs is decided at the machine, and what follows depends on this one"
     )]
     BlockSkipOfMode,
-    /// `TRANS`, `ROT`, `MIRROR`, `G700` ... of Siemens' controls, `G107`.
+    /// `TRANS`, `ROT`, `MIRROR` ... of Siemens' controls, `G107`.
     #[error("it changes what axis words mean, by numbers that geoerr does not follow")]
     OtherMeaning,
     /// A line with a checksum that would change.

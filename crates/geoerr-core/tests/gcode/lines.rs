@@ -55,6 +55,15 @@ fn inches_get_one_digit_more() {
     assert_eq!(lines[4], "G1 X0");
 }
 
+/// Siemens' G700 and G710.
+#[test]
+fn units_of_siemens_are_inches_and_millimetres() {
+    let written = |program: &str| run(scaled(), options(), program).unwrap().text().to_owned();
+    let usual = "G21\nG90\nG1 X0 Y0 Z0\nG20\nG1 X3.93\nG21\nG1 X50\n";
+    let siemens = usual.replace("G21", "G710").replace("G20", "G700");
+    assert_eq!(written(&siemens), written(usual).replace("G21", "G710").replace("G20", "G700"));
+}
+
 #[test]
 fn increments_carry_their_rounding() {
     // 1000 steps of 0.1 mm: the true step is 0.0999001.

@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 83] = [
+    let cases: [(&str, Unsupported); 82] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -97,7 +97,6 @@ fn every_unsupported_line_has_its_reason() {
         ("ROT RPL=30", Unsupported::OtherMeaning),
         ("amirror X0", Unsupported::OtherMeaning),
         ("CYCLE800(1,\"T\")", Unsupported::OtherMeaning),
-        ("G700", Unsupported::OtherMeaning),
         ("G107 C50", Unsupported::OtherMeaning),
         ("G12.1", Unsupported::Transformed { code10: 121 }),
         ("G112", Unsupported::Transformed { code10: 1120 }),
