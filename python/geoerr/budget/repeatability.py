@@ -11,7 +11,7 @@ import numpy.typing as npt
 from geoerr.budget.source import Source
 from geoerr.fit import Fitted
 from geoerr.fit.noise import repeats_of
-from geoerr.fit.sightings import SAME_POSITION_MM, SEE_POSITIONS
+from geoerr.fit.sightings import SEE_POSITIONS
 from geoerr.machine import AXES
 from geoerr.model.arrays import Numbers
 from geoerr.observations import CARRIERS
@@ -80,7 +80,7 @@ def _by_moving_axes(fitted: Fitted) -> Iterator[npt.NDArray[np.bool_]]:
     moving = np.zeros((len(sightings), 3), dtype=np.bool_)
     for number in range(sightings.n_passes):
         rows = sightings.pass_number == number
-        moving[rows] = np.ptp(sightings.commanded_mm[rows], axis=0) > SAME_POSITION_MM if rows.any() else False
+        moving[rows] = sightings.axes_moved(rows)
     kinds = (moving & is_carried) @ np.array([1, 2, 4])
     wanted = [7] if (kinds == 7).any() else [kind for kind in np.unique(kinds).tolist() if kind]
     for kind in wanted:

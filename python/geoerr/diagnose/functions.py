@@ -130,9 +130,7 @@ class Functions:
         """Give what multiplies the column that a part is proportional to, (k, n), at values of inner parameters."""
         variables = self._variables(None)
         variables[-1] = 1.0
-        own = np.array([inner[place] for place in part.inner], dtype=np.float64)
-        values = self.expression(part).coefficient_columns(variables, own, self.starts, self.times, 1)
-        return np.nan_to_num(values.T, nan=0.0, posinf=0.0, neginf=0.0)
+        return self._of_variables(part.expression, tuple([inner[place] for place in part.inner]), variables, None)
 
     def _parts(self, term: Term, part: Part) -> list[CompiledPart]:
         whole = self._part(term, part)
@@ -265,7 +263,11 @@ class Functions:
     def _evaluated(
         self, expression: int, inner: tuple[float, ...], series: int | None, rows: np.ndarray | None
     ) -> Numbers:
-        variables = self._variables(series, rows)
+        return self._of_variables(expression, inner, self._variables(series, rows), rows)
+
+    def _of_variables(
+        self, expression: int, inner: tuple[float, ...], variables: Numbers, rows: np.ndarray | None
+    ) -> Numbers:
         starts, times = (self.starts, self.times) if rows is None else (_NO_STARTS, None)
         formula = self._expressions[expression]
         values = formula.coefficient_columns(variables, np.array(inner, dtype=np.float64), starts, times, 1).T

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
 
 from geoerr.fit.sightings import Sightings
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, MEASURED
 from geoerr.summaries import counted
 
 _BASE = CARRIERS.index("base")
@@ -27,9 +28,7 @@ def odd_devices(sightings: Sightings) -> Iterator[str]:
         own = sightings.session == number
         if sightings.frames[number] == "free" and (lacks & own).any():
             row = int(np.flatnonzero(lacks & own)[0])
-            seen = ", ".join(
-                f"m{axis}" for axis, is_seen in zip("xyz", sightings.is_measured[row], strict=True) if is_seen
-            )
+            seen = ", ".join(itertools.compress(MEASURED, sightings.is_measured[row]))
             line = sightings.texts("line")[row]
             yield (
                 f"in session {name!r} {counted(int((lacks & own).sum()), 'row')} of passes with {seen} alone (line "

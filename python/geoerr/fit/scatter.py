@@ -77,8 +77,7 @@ def scatter_of(table: Sightings) -> Scatter | None:
     """Tell how much the components of one table scatter from row to row; None where nothing tells."""
     if set(table.frames) == {"lengths"}:
         return _of_lengths(table)
-    device, names = _devices_of(table)
-    devices = [np.asarray(device == number) for number in range(len(names))]
+    device, names, devices = _devices_of(table)
     left, is_by_component = _left_by_all(table, devices)
     of_devices = [_told([one.of(rows) for one in left]) for rows in devices]
     if None in of_devices:
@@ -123,8 +122,7 @@ def scatter_beside_stated(table: Sightings, stated_mm: Numbers) -> BesideStated 
     """
     if set(table.frames) == {"lengths"}:
         return None
-    device, names = _devices_of(table)
-    devices = [np.asarray(device == number) for number in range(len(names))]
+    device, names, devices = _devices_of(table)
     left, _ = _left_by_all(table, devices)
     ratio, n_told_by = np.ones(len(names)), np.zeros(len(names))
     for number, rows in enumerate(devices):
@@ -138,10 +136,12 @@ def scatter_beside_stated(table: Sightings, stated_mm: Numbers) -> BesideStated 
     return BesideStated(device, names, ratio, n_told_by)
 
 
-def _devices_of(table: Sightings) -> tuple[Integers, tuple[str, ...]]:
+def _devices_of(table: Sightings) -> tuple[Integers, tuple[str, ...], list[np.ndarray]]:
+    """Give the number of each row's device, the names of devices, and the rows (n,) of each."""
     is_circle = set(table.frames) == {"circle"}
     device = np.zeros(len(table), dtype=np.int64) if is_circle else table.session
-    return device, ("circular test",) if is_circle else tuple(f"session {name}" for name in table.sessions)
+    names = ("circular test",) if is_circle else tuple(f"session {name}" for name in table.sessions)
+    return device, names, [np.asarray(device == number) for number in range(len(names))]
 
 
 def _left_by_all(table: Sightings, devices: Sequence[np.ndarray]) -> tuple[list[_Left], bool]:

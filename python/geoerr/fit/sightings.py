@@ -227,6 +227,12 @@ class Sightings:
         """First row of each session that has rows left, (k,): what runs along rows begins anew there."""
         return np.flatnonzero(np.diff(self.session, prepend=-1)).astype(np.int64)
 
+    def axes_moved(self, rows: np.ndarray) -> np.ndarray:
+        """Tell along which axes (3,) the machine went in some rows (n,)."""
+        if not rows.any():
+            return np.zeros(3, dtype=bool)
+        return np.asarray(np.ptp(self.commanded_mm[rows], axis=0) > SAME_POSITION_MM)
+
     @property
     def n_passes(self) -> int:
         """Number of passes."""

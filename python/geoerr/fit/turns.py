@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.start import Frames
 
 
@@ -50,7 +50,7 @@ def turned_in_plane(
         if kind != "parallel":
             continue
         moving = own & ~static
-        moved = _axes_moved(sightings, moving)
+        moved = sightings.axes_moved(moving)
         if moved.any() and not (moved & seen).any():
             derivatives += _tilts(nominal_mm, moving, moved, seen)
             continue
@@ -76,13 +76,6 @@ def turned_in_plane(
         derivatives.append(np.cross(about, lever)[:, :, None])
     turned = replace(frames, rotations=rotations, translations_mm=translations)
     return turned, np.concatenate(derivatives, axis=2) if derivatives else None
-
-
-def _axes_moved(sightings: Sightings, rows: np.ndarray) -> np.ndarray:
-    """Tell along which axes (3,) the machine went in some rows (n,)."""
-    if not rows.any():
-        return np.zeros(3, dtype=bool)
-    return np.asarray(np.ptp(sightings.commanded_mm[rows], axis=0) > SAME_POSITION_MM)
 
 
 def _tilts(nominal_mm: Numbers, rows: np.ndarray, moved: np.ndarray, seen: np.ndarray) -> Iterator[Numbers]:

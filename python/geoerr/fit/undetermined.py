@@ -213,7 +213,7 @@ class _Words:
         still = [axis for axis in pair if axis in self.never_moved]
         if still:
             return f"the {' and the '.join(still)} axis never moved"
-        moving = [{axis for axis in pair if rows.any() and self._moves(rows, axis)} for rows in self._sessions()]
+        moving = [{axis for axis in pair if self._moves(rows, axis)} for rows in self._sessions()]
         if any(len(axes) == 2 for axes in moving):
             return None
         return (
@@ -244,8 +244,7 @@ class _Words:
         return [self.sightings.session == number for number in range(len(self.sightings.sessions))]
 
     def _moves(self, rows: np.ndarray, axis: str) -> bool:
-        position = self.sightings.commanded_mm[rows, AXES.index(axis)]
-        return bool(position.size and np.ptp(position) > SAME_POSITION_MM)
+        return bool(self.sightings.axes_moved(rows)[AXES.index(axis)])
 
 
 def _dimensions(places_mm: Numbers) -> int:
