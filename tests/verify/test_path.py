@@ -172,6 +172,12 @@ def test_missing_moves_and_files_are_refused(tmp_path):
         compare_paths(machine, program, written(tmp_path, "G1 X20 Y20 Z5\nG1 X30\n", "cut.gcode"))
     with pytest.raises(GcodeError, match=r"long.gcode:5: `M85` stands where .*in.gcode:4 has the end"):
         compare_paths(machine, program, written(tmp_path, program.read_text() + "M85\n", "long.gcode"))
+    extra = written(tmp_path, "M84\nM85\nG1 X1 Y1 Z1\nM86\n", "extra.gcode")
+    with pytest.raises(
+        GcodeError, match=r"extra.gcode:4: moves stand before this line, and none before .*none.gcode:3"
+    ):
+        compare_paths(machine, written(tmp_path, "M84\nM85\nM86\n", "none.gcode"), extra)
+    assert compare_paths(machine, tmp_path / "none.gcode", tmp_path / "none.gcode").moves_in == 0
     with pytest.raises(InputFileError, match="no such program"):
         compare_paths(machine, program, tmp_path / "nowhere.gcode")
 

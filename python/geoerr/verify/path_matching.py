@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -58,7 +59,8 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
     Raises
     ------
     GcodeError
-        where a line that is no move differs, or the corrected program has fewer moves or lines.
+        where a line that is no move differs, or the corrected program has fewer moves or lines, or moves where the
+        program has none.
     """
     # Where one program ends the other has a line: that is refused before either has no more runs.
     for run_in, run_out in zip(runs_of(reader_in), runs_of(reader_out), strict=True):
@@ -70,6 +72,8 @@ def paired_runs(reader_in: ProgramReader, reader_out: ProgramReader) -> Iterator
         elif len(run_out.moves) < len(run_in.moves):
             missing = len(run_in.moves) - len(run_out.moves)
             problem = f"{missing} moves are missing before this line, which is {place_in}"
+        elif run_out.moves and not run_in.moves:
+            problem = f"moves stand before this line, and none before {place_in}"
         if problem is not None:
             raise GcodeError(reader_out.path, _number(reader_out, line_out), problem, remedy=_remedy(reader_in))
         yield run_in, run_out
@@ -85,34 +89,15 @@ def _remedy(reader_in: ProgramReader) -> str:
     return f"{REMEDY}, and --home where it was given one" if reader_in.lacks_home else REMEDY
 
 
-def piece_counts(run_in: Run, run_out: Run, actual_mm: Numbers) -> list[int]:
-    """Give the number of pieces of each move of `run_in`.
+def further_pieces(actual_mm: Iterable[Numbers], end_mm: Triple) -> int:
+    """Give the number of pieces behind the first until the tool reaches the end of the move.
 
-    `actual_mm` (n, 3) is where the tool is, by the model, after each move of `run_out`.
+    `actual_mm` are the places of the tool, by the model, at the end of that piece and of those behind it, (3,) each.
     """
-    n_moves, slack = len(run_in.moves), len(run_out.moves) - len(run_in.moves)
-    if slack == 0:
-        return [1] * n_moves
-    counts: list[int] = []
-    at = 0
-    for number, move in enumerate(run_in.moves):
-        count = 1
-        if number + 1 == n_moves:
-            count += slack
-        elif slack and move.start_mm is not None:
-            count += further_pieces(actual_mm[at : at + slack + 1], move.end_mm)
-        counts.append(count)
-        slack -= count - 1
-        at += count
-    return counts
-
-
-def further_pieces(actual_mm: Numbers, end_mm: Triple) -> int:
-    """Give the number of pieces behind the first until the tool reaches the end of the move."""
     x, y, z = end_mm
     nearest, nearest_mm = 0, math.inf
-    # Row by row: the first is nearly always the one.
-    for number, (actual_x, actual_y, actual_z) in enumerate(actual_mm[: _MOST_PIECES + 1]):
+    # Place by place: the first is nearly always the one.
+    for number, (actual_x, actual_y, actual_z) in enumerate(itertools.islice(actual_mm, _MOST_PIECES + 1)):
         off_mm = math.hypot(actual_x - x, actual_y - y, actual_z - z)
         if off_mm <= END_MM:
             return number

@@ -39,22 +39,41 @@ class Course(NamedTuple):
     feed_mm_min: float
     left_unwound: tuple[float, ...]
 
-    def motion_at(self, share: npt.ArrayLike) -> Numbers:
-        """Give the core's motion, (n, 10 + wind-ups), at shares of the move (n,).
+
+class Courses:
+    """How many moves come to their places, as the core has it.
+
+    Parameters
+    ----------
+    courses
+        Of the moves.
+    """
+
+    def __init__(self, courses: Sequence[Course]) -> None:
+        self._direction, self._travel_mm, step_mm = (
+            np.array([course[column] for course in courses], dtype=np.float64).reshape(-1, 3) for column in range(3)
+        )
+        self._feed_mm_min = np.array([course.feed_mm_min for course in courses])
+        self._left_unwound = np.array([course.left_unwound for course in courses], dtype=np.float64)
+        self._gone_mm = np.abs(step_mm)
+        length_mm = np.linalg.norm(step_mm, axis=1)
+        speed_mm_s = self._feed_mm_min / 60.0 / np.where(length_mm > 0.0, length_mm, 1.0)
+        self._velocity_mm_s = step_mm * speed_mm_s[:, None]
+
+    def motion_at(self, move: npt.NDArray[np.int64], share: Numbers) -> Numbers:
+        """Give the core's motion, (n, 10 + wind-ups), at shares (n,) of moves, by their numbers (n,).
 
         Direction, travel and velocity of x y z, the feed, and what is left unwound.
         """
-        shares = np.atleast_1d(np.asarray(share, dtype=np.float64))
-        step = np.array(self.step_mm)
-        length_mm = math.hypot(*self.step_mm)
-        velocity = step / length_mm * (self.feed_mm_min / 60.0) if length_mm > 0.0 else np.zeros(3)
-        motion = np.empty((len(shares), 10 + len(self.left_unwound)))
-        motion[:, :3] = self.direction
-        motion[:, 3:6] = np.array(self.travel_mm) + shares[:, None] * np.abs(step)
-        motion[:, 6:9] = velocity
-        motion[:, 9] = self.feed_mm_min
-        motion[:, 10:] = self.left_unwound
-        return motion
+        return np.column_stack(
+            (
+                self._direction[move],
+                self._travel_mm[move] + share[:, None] * self._gone_mm[move],
+                self._velocity_mm_s[move],
+                self._feed_mm_min[move],
+                self._left_unwound[move],
+            )
+        )
 
 
 class Past:

@@ -103,7 +103,7 @@ class Move(NamedTuple):
     feed
         How fast it is asked to be.
     course
-        Direction, travel and speed.
+        Direction, travel and speed; None where they are not followed.
     others
         What else its line says: `S600`, `T3`, `M8`, sorted.
     """
@@ -113,7 +113,7 @@ class Move(NamedTuple):
     extrusion: int
     is_extrusion_clear: bool
     feed: Feed
-    course: Course
+    course: Course | None
     others: tuple[str, ...] = ()
 
 
@@ -235,7 +235,7 @@ class ProgramReader:
     firmware
         `marlin`, `klipper` or `reprapfirmware`: how E is read; None: not known, and Marlin's way is told.
     windups
-        Axis and length of each wind-up of the machine, as of `Past`.
+        Axis and length of each wind-up of the machine, as of `Past`; None to follow no motion.
 
     Attributes
     ----------
@@ -251,7 +251,7 @@ class ProgramReader:
         work_offset_mm: Triple = (0.0, 0.0, 0.0),
         home_mm: Triple | None = None,
         firmware: str | None = None,
-        windups: Sequence[tuple[int, float]] = (),
+        windups: Sequence[tuple[int, float]] | None = (),
     ) -> None:
         self.path = Path(path)
         self.n_lines = 0
@@ -263,7 +263,7 @@ class ProgramReader:
         self._modes = _Modes()
         self._place: Place = _UNKNOWN
         self._is_on_path = False
-        self._past = Past(windups)
+        self._past = None if windups is None else Past(windups)
         self._shift: Place = (0.0, 0.0, 0.0)
         self._systems: dict[int, Place] = {1: work_offset_mm}
         self._zero: Place = work_offset_mm
@@ -424,7 +424,7 @@ class ProgramReader:
 
     def _forget_past(self, named: list[bool]) -> None:
         for axis in range(3):
-            if named[axis]:
+            if named[axis] and self._past is not None:
                 self._past.forget(axis)
 
     def _is_placed(self, statement: Statement) -> bool:
@@ -438,9 +438,10 @@ class ProgramReader:
         begin, was_on_path = self._place, self._is_on_path
         self._place = end
         feed = self._feed()
-        override = self._modes.feed_override
-        speed_mm_min = 0.0 if math.isnan(override) else feed.speed_mm_min * override
-        course = self._past.straight(begin, end, speed_mm_min)
+        course = None
+        if self._past is not None:
+            override = self._modes.feed_override
+            course = self._past.straight(begin, end, 0.0 if math.isnan(override) else feed.speed_mm_min * override)
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             return None

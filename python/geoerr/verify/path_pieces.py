@@ -1,0 +1,196 @@
+"""The straight pieces of a corrected program beside the moves that they are pieces of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr import _core
+from geoerr.errors import GcodeError
+from geoerr.model.arrays import Triple
+from geoerr.verify.path_machine import ProgramMachine
+from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces
+from geoerr.verify.path_tally import Tally
+from geoerr.verify.program_motion import Courses
+from geoerr.verify.program_reader import Move
+
+Numbers: TypeAlias = npt.NDArray[np.float64]
+_Places: TypeAlias = npt.NDArray[np.int64]
+
+# Each leaves as much of the last change as errors change by a millimetre of travel: under a hundredth.
+_PLACE_STEPS = 4
+# Commands whose places are worked out at first, where a move may have further pieces: most have none.
+_FIRST_LOOK = 2
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Straight pieces of the corrected program: commanded and intended ends, lines, motion; all (n, ...).
+
+    Motion (n, 2, m) is that at both ends; None where errors do not depend on it.
+    """
+
+    command_begin_mm: Numbers
+    command_end_mm: Numbers
+    ideal_begin_mm: Numbers
+    ideal_end_mm: Numbers
+    line: _Places
+    motion: Numbers | None
+
+    def part(self, of: slice | npt.NDArray[np.bool_]) -> Pieces:
+        """Give some of them."""
+        return Pieces(
+            self.command_begin_mm[of],
+            self.command_end_mm[of],
+            self.ideal_begin_mm[of],
+            self.ideal_end_mm[of],
+            self.line[of],
+            None if self.motion is None else self.motion[of],
+        )
+
+
+def pieces_of(
+    machine: ProgramMachine, before: Path, after: Path, batch: Sequence[tuple[Run, Run]], tally: Tally
+) -> Pieces:
+    """Match the moves of a batch; give the pieces of those that can be compared.
+
+    Raises
+    ------
+    GcodeError
+        where a piece says something else than its move, or a split move extrudes what firmwares differ on.
+    """
+    moves = [move for run_in, _ in batch for move in run_in.moves]
+    own = [move for _, run_out in batch for move in run_out.moves]
+    lines = [number for _, run_out in batch for number in run_out.numbers]
+    command_mm, end_mm = _rows([one.end_mm for one in own]), _rows([one.end_mm for one in moves])
+    start_mm = _rows([one.start_mm or one.end_mm for one in moves])
+    courses = Courses([one.course for one in moves if one.course is not None]) if machine.follows_motion else None
+    counts = np.array(list(_counts(machine, batch, command_mm, courses)), dtype=np.int64)
+    _refuse_unclear_extrusion(before, [number for run_in, _ in batch for number in run_in.numbers], moves, counts)
+    of, first = np.repeat(np.arange(len(moves)), counts), np.cumsum(counts) - counts
+    shares = _shares(machine, courses, of, first, command_mm, start_mm, end_mm)
+    is_compared = np.zeros(len(moves), dtype=bool)
+    told = shares.tolist()
+    for number, (move, at, count) in enumerate(zip(moves, first.tolist(), counts.tolist(), strict=True)):
+        mine = slice(at, at + count)
+        _refuse_other_words(after, move, own[mine], lines[mine])
+        tally.add(move, own[mine], told[mine], lines[mine])
+        is_compared[number] = move.start_mm is not None and own[at].start_mm is not None
+    tally.n_compared += int(is_compared.sum())
+    begun = np.zeros_like(shares)
+    begun[1:] = shares[:-1]
+    begun[first] = 0.0
+    begin_mm = _rows([one.start_mm or (np.nan, np.nan, np.nan) for one in own])
+    begin_mm = np.where(np.isnan(begin_mm), start_mm[of], begin_mm)
+    pieces = Pieces(
+        begin_mm,
+        command_mm,
+        _between(start_mm[of], end_mm[of], begun),
+        _between(start_mm[of], end_mm[of], shares),
+        np.array(lines, dtype=np.int64),
+        None if courses is None else np.stack([courses.motion_at(of, begun), courses.motion_at(of, shares)], axis=1),
+    )
+    return pieces.part(is_compared[of])
+
+
+def _counts(
+    machine: ProgramMachine, batch: Sequence[tuple[Run, Run]], command_mm: Numbers, courses: Courses | None
+) -> Iterator[int]:
+    """Give the number of pieces of each move of a batch."""
+    actual_mm = command_mm
+    if courses is None:
+        actual_mm = command_mm + machine.error_mm(command_mm, None)
+    at = number = 0
+    for run_in, run_out in batch:
+        slack, last = len(run_out.moves) - len(run_in.moves), number + len(run_in.moves) - 1
+        for move in run_in.moves:
+            count = 1
+            if number == last:
+                count += slack
+            elif slack and move.start_mm is not None:
+                some = actual_mm[at : at + slack + 1]
+                places = some if courses is None else _places_in_turn(machine, some, courses, number)
+                count += further_pieces(places, move.end_mm)
+            yield count
+            slack -= count - 1
+            at += count
+            number += 1
+
+
+def _places_in_turn(machine: ProgramMachine, commands_mm: Numbers, courses: Courses, move: int) -> Iterator[Numbers]:
+    """Give where the tool is at commands that may end a move, a few worked out at a time: many are seldom wanted."""
+    motion = courses.motion_at(np.array([move]), np.ones(1))
+    begin, n = 0, _FIRST_LOOK
+    while begin < len(commands_mm):
+        some = commands_mm[begin : begin + n]
+        yield from some + machine.error_mm(some, motion)
+        begin, n = begin + n, 4 * n
+
+
+def _shares(
+    machine: ProgramMachine,
+    courses: Courses | None,
+    of: _Places,
+    first: _Places,
+    command_mm: Numbers,
+    start_mm: Numbers,
+    end_mm: Numbers,
+) -> Numbers:
+    """Give the share of its move at which the program means each piece to end, (n,)."""
+    shares = np.ones(len(of))
+    is_inner = np.concatenate([of[1:] == of[:-1], [False]]) if len(of) else np.zeros(0, dtype=bool)
+    if not is_inner.any():
+        return shares
+    own, inner_mm = of[is_inner], command_mm[is_inner]
+    begin_mm, along_mm = start_mm[own], end_mm[own] - start_mm[own]
+    length2 = np.einsum("nc,nc->n", along_mm, along_mm)
+    per_mm2 = np.where(length2 > 0.0, 1.0 / np.where(length2 > 0.0, length2, 1.0), 0.0)
+    inner = np.ones(len(own))
+    # Where errors follow the travel, the place says the travel and the travel the place.
+    for _ in range(1 if courses is None else _PLACE_STEPS):
+        motion = None if courses is None else courses.motion_at(own, inner)
+        actual_mm = inner_mm + machine.error_mm(inner_mm, motion)
+        inner = np.clip(np.einsum("nc,nc->n", actual_mm - begin_mm, along_mm) * per_mm2, 0.0, 1.0)
+    shares[is_inner] = inner
+    if courses is not None:
+        # A first piece that goes nowhere takes up play at the begin of the move.
+        is_first = np.zeros(len(of), dtype=bool)
+        is_first[first] = True
+        is_short = np.zeros(len(of), dtype=bool)
+        is_short[is_inner] = np.sqrt(length2) * inner < END_MM
+        shares[is_first & is_short] = 0.0
+    return shares
+
+
+def _refuse_other_words(program: Path, move: Move, pieces: Sequence[Move], numbers: Sequence[int]) -> None:
+    """Refuse a piece that says something else than its move, of a laser's power say: the first says it for all."""
+    for piece, number in zip(pieces, numbers, strict=True):
+        wanted = move.others if number == numbers[0] else ()
+        if piece.others not in (move.others, wanted):
+            said, meant = (" ".join(one) or "nothing" for one in (piece.others, wanted))
+            raise GcodeError(
+                program, number, f"says {said} besides where to go, and its move says {meant}", remedy=REMEDY
+            )
+
+
+def _refuse_unclear_extrusion(program: Path, numbers: Sequence[int], moves: Sequence[Move], counts: _Places) -> None:
+    """Ask what `compensate` asks, in its words: what a split move extrudes, its firmware decides."""
+    for place in np.flatnonzero(counts > 1).tolist():
+        if not moves[place].is_extrusion_clear:
+            problem, remedy = _core.unclear_extrusion()
+            raise GcodeError(program, numbers[place], problem, remedy=remedy)
+
+
+def _between(begin_mm: Numbers, end_mm: Numbers, share: Numbers) -> Numbers:
+    """Give places at shares of segments, (n, 3); ends are the very ends."""
+    inner = begin_mm + share[:, None] * (end_mm - begin_mm)
+    return np.where(share[:, None] == 1.0, end_mm, inner)
+
+
+def _rows(triples: Sequence[Triple]) -> Numbers:
+    return np.array(triples, dtype=np.float64).reshape(-1, 3)
