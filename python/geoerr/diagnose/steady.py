@@ -19,13 +19,11 @@ from geoerr.diagnose.functions import CompiledPart, Functions
 from geoerr.diagnose.space import OWNED, Channels, freedom_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
+from geoerr.fit.steady import STEADY
 from geoerr.terms import Parameter, Term
 
 # A channel, and the number of a formula.
 _Key: TypeAlias = tuple[str, int]
-# A temperature whose variance is a smaller share of its mean square, both above what it is told from: a tenth of what
-# follows it is as much as nothing is said of. One that rises evenly from there has a quarter.
-_STEADY = 0.02
 # Columns that are held against the model at a time.
 _TOGETHER = 64
 
@@ -77,7 +75,7 @@ def _followed(functions: Functions, parts: Sequence[CompiledPart]) -> Numbers:
 
 def _is_steady(values: Numbers) -> bool:
     known = values[np.isfinite(values)]
-    return bool(len(known)) and float(known.var()) < _STEADY * float((known**2).mean())
+    return bool(len(known)) and float(known.var()) < STEADY * float((known**2).mean())
 
 
 def _some_values(inner: Sequence[Parameter], part: CompiledPart) -> Iterable[list[float]]:

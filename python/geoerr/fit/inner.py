@@ -26,11 +26,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr import _core
+from geoerr.column_names import is_temperature
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.jumps import Gaps, is_jump_in_time
 from geoerr.fit.periods import alike_periods, is_wave, likeliest, place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
+from geoerr.fit.steady import STEADY
 from geoerr.fit.ties import first_best
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.model.compile import Compiled, compile_terms, core_part
@@ -51,6 +53,8 @@ _ROWS_TO_COMPARE = 512
 _CLOSER = 17
 # Columns of which the fit leaves a smaller share are its own: what they gain there is no sign of them.
 _INSIDE = 2e-3
+# A formula that is a straight line in its temperatures is one to this share of its largest value.
+_LINEAR = 1e-9
 # Moments of a jump that are tried at once; of more, every so manieth, and then all about the best.
 _MOST_MOMENTS = 1024
 # Multiples of its frequency that a wave may have and still be one wave: what places see alike of it, they do of all.
@@ -173,7 +177,7 @@ class _Candidate:
         variables = variable_columns(sightings, compiled.variables)
         known = complete_rows_of(sightings, compiled.variables, variables, (term,))
         self.names = list(compiled.variables)
-        self.n_coefficients = len(term.coefficients)
+        self.n_coefficients, self.inner = len(term.coefficients), term.inner
         self.needs_order = compiled.needs_order
         # What runs along the rows passes over those that lack something.
         self.variables = np.ascontiguousarray(variables if self.needs_order else np.nan_to_num(variables))
@@ -377,6 +381,14 @@ def _grid(
     return sorted(found)
 
 
+def _ends_and_middle(parameter: Parameter) -> list[float]:
+    if not np.isnan(parameter.value) or parameter.is_fixed:
+        return [_middle(parameter)]
+    assert parameter.low is not None
+    assert parameter.high is not None
+    return [parameter.low, _middle(parameter), parameter.high]
+
+
 def _middle(parameter: Parameter) -> float:
     if not np.isnan(parameter.value):
         return parameter.value
@@ -438,6 +450,42 @@ class _Beyond:
             inside = np.add.reduceat(inside[:, order], starts, axis=1)
         self.candidate = candidate
         self.weight, self.pull, self.inside = weight, pull, inside
+        self.means = self._owned_means()
+
+    def _owned_means(self) -> _Rows | None:
+        """Give the rows with every temperature at its mean, where the columns are to be counted from there.
+
+        Of a machine at 120 ± 3 °C a fit with a scale leaves a thousandth of α T (q − q₀), as little as of what it has
+        itself, whatever q₀ is. Where it has all that the mean does, α (T − T̄) (q − q₀) is the same beside it, and is
+        what can be seen.
+        """
+        rows, candidate = self.rows, self.candidate
+        temperatures = [place for place, name in enumerate(candidate.names) if is_temperature(name)]
+        if not temperatures:
+            return None
+        mean = np.nanmean(candidate.variables[:, candidate.is_seen][temperatures], axis=1, keepdims=True)
+        values = rows.variables[temperatures]
+
+        def at(degc: Numbers) -> _Rows:
+            changed = rows.variables.copy()
+            changed[temperatures] = degc
+            return replace(rows, variables=changed)
+
+        means = at(np.where(np.isnan(values), values, mean))
+        trials = list(itertools.product(*map(_ends_and_middle, candidate.inner)))
+        whole, of_means, twice = (one.shapes(trials) for one in (rows, means, at(2.0 * values - mean)))
+        changing = whole - of_means
+        if not np.allclose(twice - of_means, 2.0 * changing, rtol=0.0, atol=_LINEAR * np.abs(whole).max(initial=0.0)):
+            return None
+        size, changes = (np.einsum("tkk->tk", self._gram(shapes)) for shapes in (whole, changing))
+        if not (changes < STEADY * size).any():
+            return None
+        owned, inside = np.einsum("tkk->tk", self._gram(of_means)), self._inside(of_means)
+        return means if (owned - np.einsum("tkr,tkr->tk", inside, inside) <= _INSIDE * owned).all() else None
+
+    def _shapes(self, trials: Sequence[Sequence[float]]) -> Numbers:
+        shapes = self.rows.shapes(trials)
+        return shapes if self.means is None else shapes - self.means.shapes(trials)
 
     def gains(self, trials: Sequence[Sequence[float]]) -> Numbers:
         """Give the fall of the sum of squares on adding the columns at each trial, (n_trials,)."""
@@ -445,17 +493,29 @@ class _Beyond:
         return np.concatenate([self._gains(trials[at : at + step]) for at in range(0, len(trials), step)])
 
     def _gains(self, trials: Sequence[Sequence[float]]) -> Numbers:
-        shapes = self.rows.shapes(trials)
-        n_trials, k = len(trials), self.candidate.n_coefficients
-        gram, along = np.zeros((n_trials, k, k)), np.zeros((n_trials, k))
-        inside = np.zeros((n_trials, k, self.inside.shape[2]))
+        shapes = self._shapes(trials)
+        along = np.zeros((len(trials), self.candidate.n_coefficients))
         for a, (p, i) in enumerate(self.candidate.columns):
             along[:, i] += shapes[:, a] @ self.pull[:, p]
-            inside[:, i] += shapes[:, a] @ self.inside[p]
-            for b, (q, j) in enumerate(self.candidate.columns):
-                gram[:, i, j] += np.einsum("tn,tn,n->t", shapes[:, a], shapes[:, b], self.weight[:, p, q])
+        gram, inside = self._gram(shapes), self._inside(shapes)
         size = np.sqrt(np.maximum(np.einsum("tkk->tk", gram), 1e-300))
         beyond = gram - inside @ inside.transpose(0, 2, 1)
         value, vector = np.linalg.eigh(beyond / (size[:, :, None] * size[:, None, :]))
         along = np.einsum("tik,ti->tk", vector, along / size)
         return np.asarray((np.where(value > _INSIDE, along**2 / np.maximum(value, _INSIDE), 0.0)).sum(axis=1))
+
+    def _gram(self, shapes: Numbers) -> Numbers:
+        """Give the products of the columns of trials with each other, (n_trials, k, k)."""
+        k = self.candidate.n_coefficients
+        gram = np.zeros((len(shapes), k, k))
+        for a, (p, i) in enumerate(self.candidate.columns):
+            for b, (q, j) in enumerate(self.candidate.columns):
+                gram[:, i, j] += np.einsum("tn,tn,n->t", shapes[:, a], shapes[:, b], self.weight[:, p, q])
+        return gram
+
+    def _inside(self, shapes: Numbers) -> Numbers:
+        """Give the products of the columns of trials with those of the fit, (n_trials, k, n_columns)."""
+        inside = np.zeros((len(shapes), self.candidate.n_coefficients, self.inside.shape[2]))
+        for a, (p, i) in enumerate(self.candidate.columns):
+            inside[:, i] += shapes[:, a] @ self.inside[p]
+        return inside
