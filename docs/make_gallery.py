@@ -104,7 +104,7 @@ def draw(effect: Effect) -> str | None:
             return None
         # A bed is drawn from its middle outwards, a temperature rather than a difference of two.
         reference = min(references, key=lambda one: "-" in (one.covariate or ""))
-        term = effect.term(reference.axis, reference.covariate, MACHINE, n_sessions=2)
+        term = effect.term(reference.axis, reference.covariate, MACHINE, sessions=("0", "1"))
         model = _with_size(effect, term)
     curves = list(_curves(effect, model))
     errors = [_error_mm(model, curve) for curve in curves]

@@ -440,7 +440,7 @@ def test_what_is_hardly_known_is_left_as_it_is():
 
 def test_a_machine_that_changed_is_corrected_as_it_was_in_a_session_that_was_measured():
     of = machine("wbXYZt")
-    change = catalogue()["scale-change"].term("x", None, of, n_sessions=3).with_values([0.0, 1e-3])
+    change = catalogue()["scale-change"].term("x", None, of, sessions=("0", "1", "2")).with_values([0.0, 1e-3])
     record = FitRecord(1e-12 * np.eye(2), np.zeros((2, 0)), covariate_spans={"session": (0.0, 2.0)})
     model = Model(of, None, (change,), record)
     program = b"G1 X10 Y10 Z5\nG1 X20\n"

@@ -158,7 +158,7 @@ def test_a_model_with_a_change_holds_later_measurements_as_its_last_session_was(
 
 
 def test_lengths_are_compared_with_the_machine_as_its_last_session_was() -> None:
-    change = catalogue()["scale-change"].term("x", None, machine(), n_sessions=3).with_values([0.0, 1e-3])
+    change = catalogue()["scale-change"].term("x", None, machine(), sessions=("0", "1", "2")).with_values([0.0, 1e-3])
     record = FitRecord(1e-12 * np.eye(2), np.zeros((2, 0)), covariate_spans={"session": (0.0, 2.0)})
     ends = {"x1": [0.0], "y1": [10.0], "z1": [10.0], "x2": [100.0], "y2": [10.0], "z2": [10.0], "measured": [100.1]}
     compared = compare(Model(machine(), None, (change,), record), Lengths(pl.DataFrame({"feature": ["a"]} | ends)))

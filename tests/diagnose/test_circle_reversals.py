@@ -87,6 +87,16 @@ def test_a_record_that_is_turned_by_a_row_makes_no_names() -> None:
     assert names_of(circular(backlash, off=np.radians(0.45))) == ["backlash:x"]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_play_that_is_read_at_the_very_reversal_is_no_wind_up(seed: int) -> None:
+    """There the axis has not turned yet: 8 rows of 720 lie on the other side."""
+
+    def not_turned(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return -3.0 * travel(theta - sense * 1e-6, sense)[0] * np.cos(theta)
+
+    assert names_of(circular(not_turned, start=0.0, n=180, seed=seed)) == ["backlash:x"]
+
+
 def test_wind_up_is_told_whether_a_circle_is_entered_from_rest_or_not() -> None:
     (found,) = diagnose_circles(MODEL, circular(windup_from_rest, start=0.004, n=360)).found
     assert str(found.reference) == "reversal-windup:x"

@@ -495,6 +495,22 @@ def test_a_vibration_that_averages_hide_is_found_by_the_rows(frequency_hz: float
     assert frequency.value == pytest.approx(frequency_hz, abs=max(4.0 * frequency.std, 1e-4 * frequency_hz))
 
 
+@pytest.mark.parametrize("frequency_hz", [3.3, 5.0])
+def test_a_vibration_that_slow_runs_have_too_few_rows_for_is_told_by_the_fast_ones(frequency_hz: float) -> None:
+    """At 1000 mm/min its rows see it slower: it was 1.475 Hz, or a periodic error of a pitch of 43.5 mm."""
+
+    def shaken(theta: Numbers, sense: int, feed: float) -> Numbers:
+        t_s = np.arange(len(theta)) * 2.0 * np.pi * R_MM / len(theta) / (feed / 60.0)
+        return 3.0 * np.sin(2.0 * np.pi * frequency_hz * t_s + feed) * np.cos(theta)
+
+    rng = np.random.default_rng(0)
+    runs = [run(shaken, sense, feed, rng, n=180) for feed in (1000.0, 3000.0) for sense in (1, -1)]
+    (found,) = diagnose_circles(MODEL, CircularTest(pl.concat(runs), ("memory",))).found
+    assert str(found.reference) == "vibration:x"
+    frequency = next(one for one in found.parameters if one.name == "f")
+    assert frequency.value == pytest.approx(frequency_hz, abs=4.0 * frequency.std)
+
+
 def test_dense_runs_of_nothing_have_no_fast_wave() -> None:
     assert diagnose_circles(MODEL, dense(nothing)).verdict == "nothing-missing"
 

@@ -313,7 +313,7 @@ def test_every_letter_is_told_in_words_with_its_direction_or_session() -> None:
             "backlash": catalogue()["backlash"].term("x", None, own),
             "lateral-play": catalogue()["lateral-play"].term("x", None, own),
             "angular-thermal": catalogue()["angular-thermal"].term("x", "temp", own, lagged=True),
-            "homing-offset": catalogue()["homing-offset"].term("x", None, own, n_sessions=3),
+            "homing-offset": catalogue()["homing-offset"].term("x", None, own, sessions=("0", "1", "2")),
         }.items()
     }
     assert labels["backlash"] == ["lost motion b"]

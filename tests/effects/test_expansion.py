@@ -95,7 +95,7 @@ def test_formulas_of_the_catalogue_by_hand() -> None:
 
     def channels(reference: str, **values: float) -> dict[str, np.ndarray]:
         effect, resolved = catalogue().resolve(reference)
-        term = effect.term(resolved.axis, resolved.covariate, machine(), n_sessions=3)
+        term = effect.term(resolved.axis, resolved.covariate, machine(), sessions=("0", "1", "2"))
         return by_channel(term, rows | values)
 
     one_turn = catalogue()["angular-reversal"].term("x", None, machine(), form="z only")

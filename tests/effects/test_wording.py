@@ -46,7 +46,7 @@ def terms_of_every_kind() -> list[Term]:
                                 MACHINE,
                                 lagged=lagged,
                                 form=form,
-                                n_sessions=3,
+                                sessions=("0", "1", "2"),
                             )
                         )
                     except InputFileError:

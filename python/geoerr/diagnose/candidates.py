@@ -315,7 +315,7 @@ def _terms(
                         lagged=lagged,
                         form=form.name,
                         time_range_s=time_range_s,
-                        n_sessions=fitted.sightings.n_set_ups,
+                        sessions=fitted.sightings.set_ups,
                     )
                 )
             except InputFileError:

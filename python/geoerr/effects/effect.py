@@ -17,7 +17,7 @@ from geoerr.effects.definitions import pair_of, renamed, temperature_text, used_
 from geoerr.effects.description import Description, FormSpec, ParameterSpec, PartSpec
 from geoerr.errors import InputFileError
 from geoerr.machine import AXES, Machine
-from geoerr.terms import SESSION_NAME, BasisSpec, EffectReference, Parameter, Part, Term, names_in
+from geoerr.terms import SESSION_NAME, BasisSpec, EffectReference, Parameter, Part, Term, names_in, session_numbers
 
 # Time over which a jump is searched where the data's own span is not given: a day.
 DEFAULT_TIME_RANGE_S = (0.0, 86_400.0)
@@ -183,7 +183,7 @@ class Effect(Description):
         lagged: bool = False,
         form: str | None = None,
         time_range_s: tuple[float, float] = DEFAULT_TIME_RANGE_S,
-        n_sessions: int = 1,
+        sessions: Sequence[str] = ("0",),
     ) -> Term:
         """Give the term of one candidate, its values unknown.
 
@@ -199,8 +199,8 @@ class Effect(Description):
             Name of the form; None is the first that fits.
         time_range_s
             Of the data, for the time of a jump.
-        n_sessions
-            For effects with one value for each session after the first.
+        sessions
+            Their names in order, for effects with one value for each session after the first.
 
         Raises
         ------
@@ -216,12 +216,12 @@ class Effect(Description):
         parts: list[Part] = []
         suffixes: dict[str, dict[str, str]] = {spec.name: {} for spec in self.coefficients}
         for spec in chosen.parts:
-            for place, part in self._parts(spec, chosen.only, reference.axis, machine, temperature, n_sessions):
+            for place, part in self._parts(spec, chosen.only, reference.axis, machine, temperature, sessions):
                 parts.append(part)
                 for name in names_in(spec.expression):
                     if name in suffixes:
                         # The first part that mentions it says which way it acts.
-                        for suffix, which in self._suffixes(place, spec.channel, n_sessions).items():
+                        for suffix, which in self._suffixes(place, spec.channel, sessions).items():
                             suffixes[name].setdefault(suffix, which)
         coefficients = tuple(
             _parameter(spec, machine, reference.axis, time_range_s, suffix, which)
@@ -303,7 +303,7 @@ class Effect(Description):
         candidate: str | None,
         machine: Machine,
         temperature: str | None,
-        n_sessions: int,
+        sessions: Sequence[str],
     ) -> list[tuple[Place, Part]]:
         first, second = pair_of(candidate)
         axis = {"first": first, "second": second}.get(spec.axis, spec.axis)
@@ -315,21 +315,23 @@ class Effect(Description):
         for place in places(spec, axis, candidate, machine):
             if only is not None and place.suffix != only:
                 continue
-            for suffix in self._suffixes(place, spec.channel, n_sessions):
+            for suffix in self._suffixes(place, spec.channel, sessions):
                 text = renamed(spec.expression, {name: _suffixed(name, suffix) for name in names})
                 if self.each_session:
                     text = f"({text})*({SESSION_NAME} == {suffix.rpartition('_')[2]})"
                 found.append((place, Part(place.channel, text, definitions, factor=place.factor)))
         return found
 
-    def _suffixes(self, place: Place, channel: str, n_sessions: int) -> dict[str, str]:
+    def _suffixes(self, place: Place, channel: str, sessions: Sequence[str]) -> dict[str, str]:
         """Give what stands behind a coefficient's name, and behind what it is in words."""
         which = place.suffix and f" {'about' if channel == 'angular' else 'along'} {place.suffix}"
         if not self.each_session:
             return {place.suffix: which}
+        # Of one session alone the effect is asked for as it would be of the next.
+        names = sessions if len(sessions) > 1 else ("0", "1")
         return {
-            f"{place.suffix}_{number}".removeprefix("_"): f"{which} in session {number}"
-            for number in range(1, max(n_sessions, 2))
+            f"{place.suffix}_{number}".removeprefix("_"): f"{which} in session {_said(number, name)}"
+            for number, name in zip(session_numbers(names)[1:], names[1:], strict=True)
         }
 
 
@@ -364,6 +366,11 @@ def _default_basis(axis: str, machine: Machine) -> BasisSpec:
     low, high = machine.axes[axis].range_mm
     inside = (low + (high - low) * number / DEFAULT_SPANS for number in range(1, DEFAULT_SPANS))
     return BasisSpec("bspline", axis, knots_mm=(low, *inside, high), degree=_CUBIC)
+
+
+def _said(number: int, name: str) -> str:
+    """Say which session a number stands for."""
+    return name if name == str(number) else f"{number} ({name})"
 
 
 def _suffixed(name: str, suffix: str) -> str:

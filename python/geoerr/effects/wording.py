@@ -32,6 +32,8 @@ def _words_of_names(term: Term, machine: Machine) -> dict[str, str]:
     assert term.effect is not None
     effect = catalogue()[term.effect]
     words: dict[str, str] = {}
+    numbers = [int(tail) for one in term.coefficients if (tail := one.name.rpartition("_")[2]).isdigit()]
+    sessions = [str(number) for number in range(max(numbers, default=0) + 1)]
     for form in effect.form_names:
         for lagged in (False, True):
             # A form may be for another covariate, or follow no temperature.
@@ -42,7 +44,7 @@ def _words_of_names(term: Term, machine: Machine) -> dict[str, str]:
                     machine,
                     lagged=lagged,
                     form=form,
-                    n_sessions=len(term.coefficients) + 1,
+                    sessions=sessions,
                 )
                 for one in (*placed.coefficients, *placed.inner):
                     words.setdefault(one.name, one.what)

@@ -273,5 +273,5 @@ def _term(
         lagged=lagged,
         form=form,
         time_range_s=clock_span_s(sightings) or DEFAULT_TIME_RANGE_S,
-        n_sessions=sightings.n_set_ups,
+        sessions=sightings.set_ups,
     )

@@ -7,6 +7,7 @@ effect is known; or they follow the effect with knots that the machine does not 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 from geoerr.fit.beside_effects import on_bases, with_inner_held
@@ -58,6 +59,9 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     free = fitted.again(terms, used=fitted.solved.used)
     if has_run_away(free):
         free = fitted.again(terms, used=fitted.solved.used, one_step=True)
+    if not math.isfinite(free.scale):
+        # So much freedom leaves nothing over to choose by.
+        return None
     undecided = [term for term in terms if term.id in rich]
     chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}

@@ -37,6 +37,8 @@ MOST_FUNCTIONS = 24
 # Positions of which a function may not miss one: what it misses of a few levels of a grid looks like a wave. Of more,
 # a quarter fewer functions follow what is smooth, with less of the noise and of effects that are still to be found.
 _FEW_POSITIONS = 7
+# As few functions as can bend: a cubic, and one bend.
+_BENT = 5
 # Measured numbers for each of them from which on enough are left over to tell the noise by.
 _NUMBERS_OF_A_FUNCTION = 2
 
@@ -194,8 +196,14 @@ def rich_basis(
 def rich_bases(
     sightings: Sightings, names: Sequence[str], positions_mm: Mapping[str, Numbers], most: int = MOST_FUNCTIONS
 ) -> dict[str, BasisSpec]:
-    """Give the richest basis of each error function (ISO names); functions of an axis that never moved have none."""
+    """Give the richest basis of each error function (ISO names); functions of an axis that never moved have none.
+
+    Where nothing is stated of the noise, it is told by what all of them leave over: points that are scattered, each
+    at positions of its own, would be followed one by one.
+    """
     is_noise_told = tells_noise(sightings, names, positions_mm)
+    if names and not sightings.is_stated:
+        most = min(most, max(_BENT, int(sightings.is_measured.sum()) // (_NUMBERS_OF_A_FUNCTION * len(names))))
     found = {}
     for name in names:
         axis = name[2].lower()

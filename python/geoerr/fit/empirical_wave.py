@@ -65,7 +65,7 @@ class EmpiricalWave:
         times = times_s(sightings)
         middle = {
             number: 0.5 * float(own.min() + own.max())
-            for number, rows in enumerate(sightings.rows_of_sessions)
+            for number, rows in zip(sightings.session_numbers.tolist(), sightings.rows_of_sessions, strict=True)
             if found.columns[:, rows].any() and (own := times[rows]).size
         }
         f, step = found.frequency, waves.step
@@ -75,8 +75,8 @@ class EmpiricalWave:
     def term(self, reference: EffectReference, channel: str, title: str) -> Term:
         """Give it as a term; its period has the value from which a fit starts."""
         coefficients, texts = [], []
-        for number, middle in self.middle.items():
-            suffix = f"_{number + 1}" if len(self.middle) > 1 else ""
+        for place, (number, middle) in enumerate(self.middle.items(), 1):
+            suffix = f"_{place}" if len(self.middle) > 1 else ""
             turns = f"2*pi*({TIME} - {number_text(middle)})/{_PERIOD}"
             own = [f"A{suffix}", f"B{suffix}"]
             text = f"{own[0]}*cos({turns}) + {own[1]}*sin({turns})"

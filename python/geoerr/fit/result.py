@@ -20,7 +20,7 @@ from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
 from geoerr.model.fit_words import FAR_BELOW_STATED, OF_STATED
 from geoerr.model.summary import model_html
-from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span
+from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span, session_numbers
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
 _NOTHING = 1e-9
@@ -119,7 +119,8 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         if np.isfinite(values).any()
     }
     if any(SESSION_NAME in term.variables for term in fitted.terms):
-        spans[SESSION_NAME] = (0.0, len(sightings.sessions) - 1.0)
+        numbers = session_numbers(sightings.set_ups)
+        spans[SESSION_NAME] = (float(numbers[0]), float(numbers[-1]))
     record = FitRecord(
         covariance=fitted.covariance,
         null_space=_unit_columns(fitted.null_space),

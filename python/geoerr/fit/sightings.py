@@ -18,7 +18,7 @@ import polars as pl
 
 from geoerr.observations import CARRIERS, SAME_PLACE_MM
 from geoerr.summaries import counted
-from geoerr.terms import is_column
+from geoerr.terms import is_column, session_numbers
 
 Numbers = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -176,6 +176,19 @@ class Sightings:
     def n_set_ups(self) -> int:
         """Number of sessions that something may have changed between; of lengths nobody knows when they were made."""
         return max(sum(kind != "lengths" for kind in self.frames), 1)
+
+    @property
+    def set_ups(self) -> tuple[str, ...]:
+        """Names of these sessions, in order."""
+        return tuple(name for name, kind in zip(self.sessions, self.frames, strict=True) if kind != "lengths")
+
+    @cached_property
+    def session_numbers(self) -> Integers:
+        """By what number formulas know each session, (n_sessions,); -1 of lengths."""
+        is_set_up = np.array([kind != "lengths" for kind in self.frames], dtype=bool)
+        numbers = np.full(len(self.sessions), -1, dtype=np.int64)
+        numbers[is_set_up] = session_numbers(self.set_ups)
+        return numbers
 
     @property
     def has_lengths_only(self) -> bool:

@@ -55,7 +55,7 @@ def variable_columns(sightings: Sightings, names: Sequence[str]) -> Numbers:
         elif name in PLACE_NAMES:
             columns[row] = _place_on_work(sightings, PLACE_NAMES.index(name))
         elif name == SESSION_NAME:
-            columns[row] = sightings.session
+            columns[row] = sightings.session_numbers[sightings.session]
         elif name in ("t", CLOCK_NAME):
             times = times_s(sightings) if name == "t" else clock_s(sightings)
             # Lengths come in no order: the number of one is no time.

@@ -146,7 +146,8 @@ def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -
     if name == SESSION_NAME and not (np.isfinite(numbers) & (numbers >= 0.0) & (numbers == np.round(numbers))).all():
         raise GeoerrError(
             f"the condition session is {float(numbers.flat[0]):g}, which is no number of a session\n"
-            "hint: they are counted from 0 in the order of the data; of a machine that changed state the last"
+            "hint: they are the data's own where those count up one by one; else they are counted from 0 in the "
+            "order of the data; of a machine that changed state the last"
         )
     return np.broadcast_to(numbers, (n_rows,))
 
@@ -167,7 +168,7 @@ def _meaning(name: str, machine: Machine) -> str:
     if axis in AXES and head in _MEANING:
         return f"{_MEANING[head]}, of {axis}"
     if name == SESSION_NAME:
-        return "which of the measured sessions it is as in, counted from 0: as it is now, the last"
+        return "which of the measured sessions it is as in: as it is now, the last"
     if name == CLOCK_NAME:
         return "the time, s, from session to session"
     return "the time, s" if name == "t" else "in the unit of the measured column"

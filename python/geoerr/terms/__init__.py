@@ -35,6 +35,7 @@ from geoerr.terms.names import (
 )
 from geoerr.terms.parameter import Parameter, Plausible, UsualSpan
 from geoerr.terms.reference import REFERENCE_AXES, EffectReference, parse_effect_reference
+from geoerr.terms.session_numbers import session_numbers
 from geoerr.terms.term import Part, Term, TermSource
 
 __all__ = [
@@ -71,4 +72,5 @@ __all__ = [
     "mentions",
     "names_in",
     "parse_effect_reference",
+    "session_numbers",
 ]

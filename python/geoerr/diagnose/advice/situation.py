@@ -16,6 +16,7 @@ from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s
 from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS, PIXELS
+from geoerr.terms import session_numbers
 
 # Where the data do not say: a usual feed of printers and small mills, settling and exposure of a picture at rest,
 # and pictures in motion.
@@ -187,7 +188,7 @@ def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float
         drift=noise.drift,
         memory_s=np.maximum(noise.memory * max(span_s, 1.0), 1.0),
         clock_s=float(clock_s(sightings).max()),
-        last_session=len(fitted.sightings.sessions) - 1,
+        last_session=session_numbers(fitted.sightings.set_ups)[-1],
     )
 
 

@@ -240,11 +240,13 @@ def _solved_pairs(inner: Numbers, beyond: Numbers, score: Numbers) -> tuple[Numb
     """Solve two by two in closed form; what is nearly the model's own, or one direction, the long way."""
     (a, b, c), (p, q, r) = ((one[:, 0, 0], one[:, 0, 1], one[:, 1, 1]) for one in (inner, beyond))
     whole, left = a * c - b * b, p * r - q * q
+    # Two columns that are one in the rows of a run, as a wave's are at half a wave a row, go the long way.
+    is_plane = whole > 4.0 * _DEPENDENT * a * c
+    divisor = np.where(is_plane, whole, 1.0)
     # Shares are the eigenvalues of I⁻¹ B.
-    half = 0.5 * (c * p - 2.0 * b * q + a * r) / np.maximum(whole, 1e-300)
-    ratio = left / np.maximum(whole, 1e-300)
-    spread = np.sqrt(np.maximum(half**2 - ratio, 0.0))
-    safe = (whole > 4.0 * _DEPENDENT * a * c) & (half - spread > OWNED)
+    half = 0.5 * (c * p - 2.0 * b * q + a * r) / divisor
+    spread = np.sqrt(np.maximum(half**2 - left / divisor, 0.0))
+    safe = is_plane & (half - spread > OWNED)
     first, second = score[:, 0], score[:, 1]
     with np.errstate(over="ignore"):
         square = r[:, None] * first**2 - 2.0 * q[:, None] * first * second + p[:, None] * second**2

@@ -46,11 +46,13 @@ _NEED_TIMES = (
 BY_RUN = ("vibration",)
 # A vibration is searched down to this many rows of a run; a wave of an axis to fewer, at mean spacing: beside its
 # reversals they lie closer.
-_ROWS_OF_A_SHAKE, _ROWS_OF_A_WAVE = 2.5, 1.25
+_ROWS_OF_A_SHAKE, _ROWS_OF_A_WAVE = 2.05, 1.25
 # Longer waves than this share of the radius are curves: straightness, or an uneven scale.
 _LONGEST_WAVE = 0.45
 # Vibration has so many waves a turn at least.
 _LEAST_WAVES = 12.0
+# And it has to look like so many in every run: what seems to be still, or to go round twice, is geometry there.
+_LEAST_SEEN_WAVES = 4.0
 # Trial values of waves lie so close that the phase at the ends of the data differs by a quarter turn at most.
 _PHASE_STEP = 0.3
 _MOST_WAVES = 700
@@ -322,14 +324,26 @@ def _frequencies_hz(runs: Runs, axis: str, low: float, high: float) -> Sequence[
     longest = max(float(np.ptp(runs.time_s[own])) for own in runs.slices)
     # Slower it is a shape of the circle.
     low = max(low, _LEAST_WAVES / _turn_s(runs))
-    slowest = max(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
-    fastest, high = high, min(high, 1.0 / (_ROWS_OF_A_SHAKE * slowest))
+    # In runs whose rows are further apart such a vibration looks slower, and only there: the others tell.
+    fastest, high = high, min(high, 1.0 / (_ROWS_OF_A_SHAKE * _step_s(runs)))
     if not low < high:
         return ()
     step = 2.0 * _PHASE_STEP / longest
     n = min(int(np.ceil((high - low) / step)) + 2, _MOST_WAVES)
     fast = fast_waves(runs, axis, "time", (high, fastest), step)
-    return [float(value) for value in np.concatenate([np.linspace(low, high, n), np.sort(fast)])]
+    values = np.concatenate([np.linspace(low, high, n), np.sort(fast)])
+    return [float(value) for value in values[_looks_fast(runs, values)]]
+
+
+def _looks_fast(runs: Runs, frequency_hz: Numbers) -> np.ndarray:
+    """Tell which vibrations are no shape of the circle in any run, however far apart its rows are, (k,)."""
+    looks = np.ones(len(frequency_hz), dtype=bool)
+    for own in runs.slices:
+        step_s = float(np.median(np.diff(runs.time_s[own])))
+        # As many times a turn as it seems to go round where rows are as far apart as here.
+        seen_hz = np.abs(frequency_hz - np.rint(frequency_hz * step_s) / step_s)
+        looks &= seen_hz * float(np.ptp(runs.time_s[own])) >= _LEAST_SEEN_WAVES
+    return looks
 
 
 def _jumps_s(runs: Runs) -> Sequence[float]:

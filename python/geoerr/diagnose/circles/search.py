@@ -17,7 +17,7 @@ from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.circles.structure import Structure
-from geoerr.diagnose.circles.undecided import after_entry, beside_reversals, turns_at_reversals
+from geoerr.diagnose.circles.undecided import after_entry, beside_reversals, dies_away, turns_at_reversals
 from geoerr.diagnose.circles.values import CAUTION_OF_VALUES, joint, rivals_of, traces_of
 from geoerr.diagnose.steps import Steps
 from geoerr.fit.jumps import is_jump_in_time
@@ -35,12 +35,13 @@ def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
     n_gross = n - len(runs)
     whole = runs.averaged()
     searched = _searched(whole, suspects, steps)
-    if _n_told(searched) > 1:
-        # Of rows whose side is not known one cause may have become several: what needs fewer without them holds.
+    if _n_told(searched) > 1 or any(dies_away(one.way.term) for one in searched.found):
+        # Of rows whose side is not known one cause may have become several, or play a wind-up: what needs less
+        # without them holds.
         decided = whole.without(after_entry(whole) | beside_reversals(whole))
         without = _searched(decided, suspects, steps, ", without rows beside reversals")
         turns = any(turns_at_reversals(one.way.term) for one in (*searched.found, *without.found))
-        searched = without if turns and without.found and _n_told(without) < _n_told(searched) else searched
+        searched = without if turns and without.found and _needs(without) < _needs(searched) else searched
     for _ in range(_ROUNDS):
         level = searched.noise.sigma_um * searched.noise.level + misfit_um(searched)
         gross = stand_alone(searched.runs, searched.rest_without_jumps_um, level)
@@ -57,6 +58,12 @@ def search(runs: Runs, suspects: Sequence[Suspect], steps: Steps) -> Searched:
 def _n_told(searched: Searched) -> int:
     """Count what is said to be there: causes, and structure without a name."""
     return len(searched.found) + (searched.unknown is not None)
+
+
+def _needs(searched: Searched) -> tuple[int, int]:
+    """Give how much an explanation needs: what it says is there, and the numbers that causes are written with."""
+    terms = [one.way.term for one in searched.found]
+    return _n_told(searched), sum(len(term.coefficients) + len(term.inner) for term in terms)
 
 
 def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str = "") -> Searched:

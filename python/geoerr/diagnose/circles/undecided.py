@@ -4,7 +4,8 @@ A bar's angle is known no better than its rows are apart: it is counted from a s
 and commanded positions are rounded. A row beside a reversal may have been read before it or behind it, and one row on
 the wrong side of a gap of 20 µm looks like a wind-up, a spike and stick-slip. Where a search names several causes it
 is made again without such rows, for what a reversal does shows in the rows behind: an explanation that needs fewer
-holds. One cause alone needs no such doubt, and is told best by all rows.
+holds. So it is where the one cause that is named dies away behind reversals: play, read on the other side in one row,
+looks so. One cause that does not needs no such doubt, and is told best by all rows.
 
 Nor does a record tell how an axis stood that reversed just before the first row of a run: whether the circle was
 entered along itself, so that friction is still winding up, or from rest.
@@ -24,8 +25,9 @@ _QUARTER_RAD = 0.5 * np.pi
 # A side is told beyond one step of the rows, and beyond a degree whatever they are apart.
 _UNTOLD_RAD = float(np.radians(1.0))
 _ROUNDING = 1e-3
-# Variables that jump at a reversal.
-_OF_SIDES = ("d_", "s_", "t_rev_")
+# Variables that begin anew at a reversal, and those that jump there.
+_OF_PAST = ("s_", "t_rev_")
+_OF_SIDES = ("d_", *_OF_PAST)
 # Wind-up, spikes and stick-slip are over, or nearly, so far behind a reversal: of a circle of 100 mm two millimetres.
 _ENTRY_RAD = float(np.radians(12.0))
 
@@ -50,6 +52,11 @@ def after_entry(runs: Runs) -> np.ndarray:
 def turns_at_reversals(term: Term) -> bool:
     """Tell whether a term differs between both sides of a reversal."""
     return any(name.startswith(_OF_SIDES) for name in term.variables)
+
+
+def dies_away(term: Term) -> bool:
+    """Tell whether a term follows how far or how long ago an axis turned: the first row behind says most of it."""
+    return any(name.startswith(_OF_PAST) for name in term.variables)
 
 
 def _turned(runs: Runs) -> Iterator[tuple[slice, Numbers, float]]:
