@@ -139,12 +139,14 @@ def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataF
     """
     missing = [name for name in schema.required if name not in raw.columns]
     if missing:
+        needs = f"a table of this kind needs {', '.join(schema.required)}"
+        is_there = {name.lower() for name in raw.columns}.issuperset(missing)
         raise InputFileError(
             path,
             f"the column is missing; the file has {', '.join(raw.columns)}",
             row=1,
             column=missing[0],
-            remedy=f"a table of this kind needs {', '.join(schema.required)}",
+            remedy="write the names of columns in lower case" if is_there else needs,
         )
     frame = raw.with_columns(pl.int_range(FIRST_DATA_ROW, pl.len() + FIRST_DATA_ROW).alias("file_row"))
     empty = pl.all_horizontal(pl.exclude("file_row").is_null())

@@ -14,7 +14,7 @@ from geoerr.cli.fit_text import (
     quality_in_words,
     scale_sentence,
 )
-from geoerr.cli.options import note, note_left_out, note_set_aside
+from geoerr.cli.options import note, note_left_out, note_set_aside, note_without_rig
 from geoerr.cli.text_tables import wrapped
 from geoerr.diagnose.document import comparison_document
 from geoerr.error_functions import ALL_NAMES
@@ -124,6 +124,5 @@ def print_notes(outcome: FitOutcome, rig: Path | None, quiet: bool) -> None:
     note_left_out(sightings.left_out, quiet)
     for sentence in sightings.notes:
         note(f"note: {sentence}", quiet)
-    points = outcome.measured.points
-    if rig is None and points is not None and "u_left" in points.frame.columns:
-        note("note: the calibration's uncertainty is not included (--rig)", quiet)
+    if rig is None:
+        note_without_rig(outcome.measured.points, quiet)

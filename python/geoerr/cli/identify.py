@@ -19,6 +19,7 @@ from geoerr.cli.options import (
     examples,
     files_given,
     note,
+    note_without_rig,
     print_json,
 )
 from geoerr.cli.progress import progress_bar
@@ -142,6 +143,6 @@ def identify(
         say(line)
     print_notes(result, measured.set_aside, quiet)
     if rig is None and isinstance(result, JointResult):
-        note("note: the calibration's uncertainty is not included", quiet)
+        note_without_rig(measured.points, quiet)
     if output is not None:
         note(f"errors: {output}", quiet)

@@ -84,7 +84,11 @@ def note_set_aside(problems: Sequence[RowProblem], quiet: bool) -> None:
     for problem in problems[:_MOST_ROWS_NAMED]:
         note(f"set aside: {problem}", quiet)
     if len(problems) > _MOST_ROWS_NAMED:
-        note(f"set aside: {len(problems) - _MOST_ROWS_NAMED} more rows", quiet)
+        from geoerr.summaries import counted
+
+        n_rows = len({(problem.path, problem.row) for problem in problems})
+        more = counted(len(problems) - _MOST_ROWS_NAMED, "more cell")
+        note(f"set aside: {more}, {counted(n_rows, 'row')} in all", quiet)
 
 
 def note_left_out(left_out: Mapping[str, int], quiet: bool) -> None:
@@ -188,3 +192,9 @@ def calibration(rig: Path | None, points: Observations | None) -> tuple[Any, Any
     from geoerr.vision.sensitivity import calibration_of_points
 
     return calibration_of_points(rig, points)
+
+
+def note_without_rig(points: Observations | None, quiet: bool) -> None:
+    """Say that cameras took part without what their calibration leaves open."""
+    if points is not None and "u_left" in points.frame.columns:
+        note("note: the calibration's uncertainty is not included (--rig)", quiet)

@@ -317,6 +317,12 @@ def _are_of_the_same_rows(one: Fitted, other: Fitted) -> bool:
     return np.array_equal(one.solved.used, other.solved.used)
 
 
+def _only_one(effects: Sequence[str], reference: str) -> str:
+    """Give the only effect that a reference without its covariate may mean; else the reference."""
+    meant = [own for own in effects if own.partition("@")[0] == reference]
+    return meant[0] if len(meant) == 1 else reference
+
+
 def remove_terms(
     model: Model,
     tables: Sequence[MeasuredTable],
@@ -343,8 +349,10 @@ def remove_terms(
         where the model has no such effect, naming those that it has.
     """
     terms = own_terms(model)
+    effects = [term.id for term in terms if term.kind != "classic"]
+    # As it was asked for: what follows one thing alone need not be told which.
+    reference = next((own for own in effects if own == reference), _only_one(effects, reference))
     if not any(term.id == reference for term in terms):
-        effects = [term.id for term in terms if term.kind != "classic"]
         raise GeoerrError(
             f"the model has no effect {reference!r}\nhint: it has {', '.join(effects) if effects else 'no effects'}"
         )

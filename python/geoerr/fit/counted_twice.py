@@ -55,17 +55,21 @@ def _rows(sightings: Sightings) -> Iterator[str]:
 def _again(sightings: Sightings) -> np.ndarray:
     """Tell which rows (n,) hold what one before them in their session holds.
 
-    With a time that is enough. Without one rows of one `repeat` are compared, and most of a session must be so.
+    With a time that is enough. Without one rows of one `repeat` are compared, and most of a session must be so within
+    passes: what was come to from the other side was read again.
     """
     reading = _readings(sightings)
     if len(np.unique(reading)) == len(reading):
         return np.zeros(len(reading), dtype=bool)
-    _, first, number, count = np.unique(reading, return_index=True, return_inverse=True, return_counts=True)
-    has_twin = count[number] > 1
-    again = has_twin & (first[number] != np.arange(len(reading)))
+    _, first, number = np.unique(reading, return_index=True, return_inverse=True)
+    again = first[number] != np.arange(len(reading))
     is_timed = np.isfinite(sightings.numbers("t"))
     n_sessions = len(sightings.sessions)
     n_rows = np.bincount(sightings.session[~is_timed], minlength=n_sessions)
+    _, of_pass, count = np.unique(
+        np.column_stack([number, sightings.pass_number]), axis=0, return_inverse=True, return_counts=True
+    )
+    has_twin = count[of_pass.ravel()] > 1
     n_twins = np.bincount(sightings.session[~is_timed & has_twin], minlength=n_sessions)
     is_copied = n_twins >= np.maximum(_LEAST_SHARE * n_rows, _LEAST_TO_BE_THE_SAME)
     return np.asarray(again & (is_timed | is_copied[sightings.session]))

@@ -25,6 +25,8 @@ from geoerr.fit.moved_targets import targets_that_moved
 from geoerr.fit.noise import in_the_way_of_repeats
 from geoerr.fit.odd_devices import odd_devices
 from geoerr.fit.odd_directions import odd_directions
+from geoerr.fit.odd_lines import odd_lines
+from geoerr.fit.odd_temperatures import odd_temperatures
 from geoerr.fit.odd_times import odd_times
 from geoerr.fit.other_units import other_units
 from geoerr.fit.passes import passes_of
@@ -83,6 +85,8 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         ),
         *other_units(joined),
         *odd_times(joined),
+        *odd_lines(joined),
+        *odd_temperatures(joined),
         *odd_devices(joined),
         *odd_directions(joined),
         *targets_that_moved(joined),

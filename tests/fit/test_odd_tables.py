@@ -1,0 +1,66 @@
+"""Tables that say another thing than they mean: kelvins, strokes without names, readings from both sides."""
+
+import numpy as np
+import polars as pl
+import pytest
+
+from geoerr.fit.joined import sightings_of
+from geoerr.observations import Observations, observations_from_columns
+
+
+def table(**more: object) -> Observations:
+    """A grid of 8 × 8 points that is run back and forth, row by row."""
+    place = np.linspace(20.0, 280.0, 8)
+    x = np.concatenate([place if row % 2 == 0 else place[::-1] for row in range(8)])
+    y = np.repeat(place, 8)
+    rng = np.random.default_rng(0)
+    columns: dict[str, object] = {"carrier": ["relative"] * 64, "x": x, "y": y, "z": np.zeros(64)}
+    columns |= {"mx": x + 0.01 * rng.normal(size=64), "my": y + 0.01 * rng.normal(size=64)}
+    return observations_from_columns(columns | more)
+
+
+def notes_of(observations: Observations, about: str) -> list[str]:
+    return [note for note in sightings_of(observations).notes if about in note]
+
+
+def test_a_grid_that_is_one_line_is_told_to_name_its_strokes() -> None:
+    (note,) = notes_of(table(line=["grid"] * 64), "strokes")
+    assert "8 strokes, which the table counts as 2 passes" in note
+    assert not notes_of(table(line=[f"row {row // 8}" for row in range(64)]), "strokes")
+
+
+def test_scattered_points_have_no_strokes() -> None:
+    order = np.random.default_rng(1).permutation(64)
+    seen = table()
+    assert not notes_of(Observations(seen.frame[order]), "strokes")
+
+
+@pytest.mark.parametrize(
+    ("name", "low", "high", "is_told"),
+    [
+        ("temp_bed", 296.0, 306.0, True),
+        ("temp", 291.2, 291.2, True),
+        ("temp_bed", 20.0, 120.0, False),
+        ("temp_nozzle", 280.0, 290.0, False),
+        ("temp_chamber", 240.0, 300.0, False),
+    ],
+)
+def test_kelvins_are_told(name: str, low: float, high: float, is_told: bool) -> None:
+    warm = table(**{name: np.linspace(low, high, 64)})
+    assert bool(notes_of(warm, "look like kelvins")) is is_told
+
+
+def test_a_coarse_dial_that_is_read_from_both_sides_counts_once() -> None:
+    """Within a repeat its rows there and back are alike, digit for digit, and came from either side."""
+    place = np.tile(np.concatenate([np.arange(0.0, 300.0, 30.0), np.arange(270.0, -30.0, -30.0)]), 3)
+    columns: dict[str, object] = {
+        "carrier": ["relative"] * 60,
+        "line": ["x"] * 60,
+        "repeat": np.repeat([0, 1, 2], 20),
+    }
+    columns |= {"x": place, "y": np.zeros(60), "z": np.zeros(60), "mx": place + 0.01 * np.round(place / 100.0)}
+    assert not notes_of(observations_from_columns(columns), "digit for digit")
+    stated = {"dir_x": np.tile(np.repeat([1, -1], 10), 3)}
+    assert not notes_of(observations_from_columns(columns | stated), "digit for digit")
+    whole = observations_from_columns(columns)
+    assert notes_of(Observations(pl.concat([whole.frame, whole.frame])), "digit for digit")
