@@ -27,6 +27,8 @@ from geoerr.fit.variables import clock_span_s
 from geoerr.machine import Machine
 from geoerr.terms import SQUARENESS_CHANNELS, EffectReference, Term, parse_effect_reference
 
+# Of the variance that a fit without an effect leaves, a share that may be noise at least, where none is stated.
+_LEAST_LEFT = 1e-6
 # What can be asked for: a term as it is, an effect in its place (or with only one), a reference.
 Wanted: TypeAlias = Term | Effect | PlacedEffect | EffectReference | str
 
@@ -209,15 +211,23 @@ def best_terms(
     """
     if effect.is_smooth:
         return effect.terms(reference.axis, reference.covariate, fitted.machine)
-    sigma = fitted.unit
+    begun = [
+        best_start(fitted, term, threads=fitted.threads)
+        for term in ways_of(effect, reference, fitted.machine, fitted.sightings, way)
+    ]
+    if not begun:
+        return usual_terms(effect, reference, fitted.machine, fitted.sightings)
+    # What the effect does itself is no noise: beside it even a lag of an hour would be worth nothing.
+    left = fitted.unit**2 - max(gain for _, gain in begun) / max(fitted.dof, 1)
+    least = min(1.0, fitted.unit**2) if fitted.sightings.is_stated else _LEAST_LEFT * fitted.unit**2
+    sigma2 = max(left, least)
     price = 0.5 * math.log(max(int(fitted.sightings.is_measured[fitted.solved.used].sum()), 2))
-    found, most = None, -math.inf
-    for term in ways_of(effect, reference, fitted.machine, fitted.sightings, way):
-        started, gain = best_start(fitted, term, threads=fitted.threads)
-        evidence = 0.5 * gain / sigma**2 - price * (len(term.coefficients) + len(term.inner))
-        if evidence > most:
-            found, most = started, evidence
-    return usual_terms(effect, reference, fitted.machine, fitted.sightings) if found is None else (found,)
+
+    def evidence(started: tuple[Term, float]) -> float:
+        term, gain = started
+        return 0.5 * gain / sigma2 - price * (len(term.coefficients) + len(term.inner))
+
+    return (max(begun, key=evidence)[0],)
 
 
 def ways_of(

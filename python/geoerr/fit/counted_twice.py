@@ -66,9 +66,9 @@ def _again(sightings: Sightings) -> np.ndarray:
     is_timed = np.isfinite(sightings.numbers("t"))
     n_sessions = len(sightings.sessions)
     n_rows = np.bincount(sightings.session[~is_timed], minlength=n_sessions)
-    _, of_pass, count = np.unique(
-        np.column_stack([number, sightings.pass_number]), axis=0, return_inverse=True, return_counts=True
-    )
+    # A length is come to from nowhere.
+    passes = np.where(sightings.of_kind("lengths"), 0, sightings.pass_number)
+    _, of_pass, count = np.unique(np.column_stack([number, passes]), axis=0, return_inverse=True, return_counts=True)
     has_twin = count[of_pass.ravel()] > 1
     n_twins = np.bincount(sightings.session[~is_timed & has_twin], minlength=n_sessions)
     is_copied = n_twins >= np.maximum(_LEAST_SHARE * n_rows, _LEAST_TO_BE_THE_SAME)

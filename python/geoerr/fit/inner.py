@@ -51,6 +51,7 @@ _DEEPEST = 16
 _ROWS_TO_COMPARE = 512
 # Values that are tried between the neighbours of the best one.
 _CLOSER = 17
+_ROUNDS_CLOSER = 2
 # Columns of which the fit leaves a smaller share are its own: what they gain there is no sign of them.
 _INSIDE = 2e-3
 # A formula that is a straight line in its temperatures is one to this share of its largest value.
@@ -157,15 +158,25 @@ def _alike(period: Parameter, values: Numbers) -> list[float]:
 def _closer(
     beyond: _Beyond, trials: list[tuple[float, ...]], gains: Numbers
 ) -> tuple[list[tuple[float, ...]], Numbers]:
-    """Look between the neighbours of the best trial of one parameter: forms are compared by their best."""
-    varied = [place for place, values in enumerate(zip(*trials, strict=True)) if len(set(values)) > 1]
-    if len(varied) != 1:
-        return trials, gains
-    (place,) = varied
-    best = first_best(gains)
-    low, high = (trials[min(max(at, 0), len(trials) - 1)][place] for at in (best - 1, best + 1))
-    between = [(*trials[best][:place], float(v), *trials[best][place + 1 :]) for v in np.linspace(low, high, _CLOSER)]
-    return [*trials, *between], np.concatenate([gains, beyond.gains(between)])
+    """Look between the neighbours of the best trial: forms are compared by their best.
+
+    Of several parameters at one after the other, twice: a fixed point between two trials would speak against a lag.
+    """
+    grids = [sorted(set(values)) for values in zip(*trials, strict=True)]
+    varied = [place for place, values in enumerate(grids) if len(values) > 1]
+    for place in varied * (1 if len(varied) == 1 else _ROUNDS_CLOSER):
+        best = trials[first_best(gains)]
+        low, high = _neighbours(grids[place], best[place])
+        between = [(*best[:place], float(v), *best[place + 1 :]) for v in np.linspace(low, high, _CLOSER)]
+        trials, gains = [*trials, *between], np.concatenate([gains, beyond.gains(between)])
+    return trials, gains
+
+
+def _neighbours(values: Sequence[float], value: float) -> tuple[float, float]:
+    """Give the values before and behind one among those that were tried, or beside which it was found."""
+    below = [one for one in values if one < value]
+    above = [one for one in values if one > value]
+    return (below[-1] if below else values[0]), (above[0] if above else values[-1])
 
 
 class _Candidate:
