@@ -10,7 +10,7 @@ import numpy.typing as npt
 from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unused_uncertainties
 from geoerr.fit.unbelievable import unbelievable_rows
 from geoerr.identify.linear import Numbers
-from geoerr.observations import Observations
+from geoerr.observations import PIXELS, Observations
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,8 @@ class Measurements:
         base (`docs/reference/formats/observations.md`: nobody can tell how it is tilted).
     usable : (n,)
         Whether the row was measured as completely as its session's device measures.
+    is_of_cameras
+        Whether pixels stand beside the positions.
     notes
         What had to be filled in.
     """
@@ -47,6 +49,7 @@ class Measurements:
     repeat: npt.NDArray[np.int64]
     is_parallel: dict[str, bool]
     usable: npt.NDArray[np.bool_]
+    is_of_cameras: bool
     notes: tuple[str, ...]
 
 
@@ -74,6 +77,7 @@ def measurements_of(observations: Observations) -> Measurements:
         repeat=observations.numbers("repeat")[:, 0].astype(np.int64),
         is_parallel=is_parallel,
         usable=usable,
+        is_of_cameras=PIXELS[0] in observations.frame.columns,
         notes=notes,
     )
 

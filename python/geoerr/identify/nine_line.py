@@ -322,7 +322,8 @@ def _noise(
         rows = estimated
         notes.append(f"the observations state no uncertainty: it was taken from repeats ({dof} degrees of freedom)")
     if rig is None:
-        notes.append("the calibration's uncertainty is not included")
+        if data.is_of_cameras:
+            notes.append("the calibration's uncertainty is not included")
         return Noise(rows), scatter, notes
     return Noise(rows, *rig), scatter, notes
 

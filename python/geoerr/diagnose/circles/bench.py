@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from geoerr.diagnose.circles.causes import Suspect, Way
+from geoerr.diagnose.circles.causes import Suspect, Way, tells_vibration
 from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.noise import Noise
 from geoerr.diagnose.circles.probes import Probe
@@ -87,6 +87,8 @@ def groups_of(radii: Radii, what: Sequence[Suspect | Probe]) -> list[Group]:
 
 def _group(radii: Radii, number: int, place: int, way: Way) -> Group | None:
     values = np.stack([radii.columns_um(way.term, trial) for trial in way.trials], axis=1)
+    if way.is_by_run:
+        values *= tells_vibration(radii.runs, way)[:, :, None]
     size = np.abs(values).max(axis=(0, 1), initial=0.0)
     # Columns of one unit are compared: mm with mm.
     seen = tuple(int(k) for k in np.flatnonzero(size > _UNSEEN * max(float(size.max(initial=0.0)), 1e-300)))

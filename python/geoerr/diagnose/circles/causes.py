@@ -51,8 +51,6 @@ _ROWS_OF_A_SHAKE, _ROWS_OF_A_WAVE = 2.05, 1.25
 _LONGEST_WAVE = 0.45
 # Vibration has so many waves a turn at least.
 _LEAST_WAVES = 12.0
-# And it has to look like so many in every run: what seems to be still, or to go round twice, is geometry there.
-_LEAST_SEEN_WAVES = 4.0
 # Trial values of waves lie so close that the phase at the ends of the data differs by a quarter turn at most.
 _PHASE_STEP = 0.3
 _MOST_WAVES = 700
@@ -331,19 +329,22 @@ def _frequencies_hz(runs: Runs, axis: str, low: float, high: float) -> Sequence[
     step = 2.0 * _PHASE_STEP / longest
     n = min(int(np.ceil((high - low) / step)) + 2, _MOST_WAVES)
     fast = fast_waves(runs, axis, "time", (high, fastest), step)
-    values = np.concatenate([np.linspace(low, high, n), np.sort(fast)])
-    return [float(value) for value in values[_looks_fast(runs, values)]]
+    return [float(value) for value in np.concatenate([np.linspace(low, high, n), np.sort(fast)])]
 
 
-def _looks_fast(runs: Runs, frequency_hz: Numbers) -> np.ndarray:
-    """Tell which vibrations are no shape of the circle in any run, however far apart its rows are, (k,)."""
-    looks = np.ones(len(frequency_hz), dtype=bool)
+def tells_vibration(runs: Runs, way: Way) -> np.ndarray:
+    """Tell at which rows each trial of a vibration is told from a shape of the circle, (n, n_trials).
+
+    Of rows that are far apart a fast one looks slow: in such a run it may be lobes, and another run has to show it.
+    """
+    (place,) = (number for number, one in enumerate(way.term.inner) if one.name == "f")
+    frequency_hz = np.array([trial[place] for trial in way.trials])
+    told = np.zeros((len(runs), len(frequency_hz)), dtype=bool)
     for own in runs.slices:
         step_s = float(np.median(np.diff(runs.time_s[own])))
-        # As many times a turn as it seems to go round where rows are as far apart as here.
         seen_hz = np.abs(frequency_hz - np.rint(frequency_hz * step_s) / step_s)
-        looks &= seen_hz * float(np.ptp(runs.time_s[own])) >= _LEAST_SEEN_WAVES
-    return looks
+        told[own] = (seen_hz * float(np.ptp(runs.time_s[own])) >= _LEAST_WAVES) | (frequency_hz * step_s < 0.5)
+    return told
 
 
 def _jumps_s(runs: Runs) -> Sequence[float]:
