@@ -537,3 +537,19 @@ def test_an_effect_that_is_not_determined_is_said_to_be_where_its_value_stands(f
     assert "is not determined by these data not determined: these measurements cannot tell it from my-gap:x" in text
     assert "is not determined by these data not determined: these measurements cannot tell it from backlash:x" in text
     assert "from nothing" not in text
+
+
+def test_a_model_that_predicts_worse_than_none_says_so(folder: Path) -> None:
+    """Sixty points that were touched one after the other, with play that no error function is."""
+    rng = np.random.default_rng(0)
+    x, y, z = q = rng.uniform(10.0, 290.0, (3, 60)).round(1)
+    seen = q + 0.02 * rng.normal(size=q.shape)
+    seen[0, 1:] -= 0.04 * np.sign(np.diff(x))
+    columns = {"carrier": ["tool"] * 60, "x": x, "y": y, "z": z, "mx": seen[0], "my": seen[1], "mz": seen[2]}
+    pl.DataFrame(columns).write_csv(folder / "touched.csv")
+    told = run(folder, "--components", "12", files=("touched.csv",))
+    assert told.exit_code == 0, told.output
+    said = " ".join(told.stdout.split())
+    assert "what it did not see the model predicts worse" in said
+    assert "than a machine without errors does" in said
+    assert "predicts worse" not in " ".join(run(folder).stdout.split())

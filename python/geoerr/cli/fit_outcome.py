@@ -11,6 +11,7 @@ from geoerr.cli.fit_text import (
     figure_rows,
     freedom_of,
     not_determined_rows,
+    prediction_in_words,
     quality_in_words,
     scale_sentence,
 )
@@ -70,13 +71,15 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
         f"{counted(outcome.n_added, 'effect')}; {fitted.sightings.in_words()}, "
         f"{counted(fitted.n_parameters, 'parameter')}"
     )
+    before, after = comparison_document(result.before), comparison_document(fitted)
     lines += [
         "",
-        *figure_rows({"before": comparison_document(result.before), "after": comparison_document(fitted)}),
+        *figure_rows({"before": before, "after": after}),
         f"(before: {outcome.meaning_of_before})",
         "",
     ]
-    for sentence in quality_in_words(fitted):
+    unseen_um = before["held_out_rmse_um"], after["held_out_rmse_um"]
+    for sentence in (*quality_in_words(fitted), *prediction_in_words(unseen_um, outcome.meaning_of_before)):
         lines += wrapped(sentence)
     lines += effect_rows(fitted)
     classic = {iso_name(term.id) for term in fitted.terms if term.kind == "classic"}

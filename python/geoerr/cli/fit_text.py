@@ -29,6 +29,8 @@ from geoerr.model.fit_words import FAR_BELOW_STATED, NOT_SETTLED, far_below_stat
 from geoerr.summaries import by_reason
 from geoerr.terms import Term
 
+# A held-out error that is larger by less is as large.
+_WORSE = 1.1
 _MICRO = 1e6
 _UM_PER_MM = 1e3
 _KINDS = {"bspline": "spline", "fourier": "waves", "linear": "linear elements", "quadratic": "quadratic elements"}
@@ -159,6 +161,21 @@ def quality_in_words(fitted: Fitted) -> list[str]:
     if not fitted.solved.converged:
         sentences.append(NOT_SETTLED)
     return sentences
+
+
+def prediction_in_words(unseen_um: tuple[float | None, float | None], before: str) -> list[str]:
+    """Say so where a model predicts what it did not see worse than another one does.
+
+    `unseen_um` are held-out errors of that one, in words `before`, and of this.
+    """
+    known_um = [one for one in unseen_um if one is not None]
+    if len(known_um) < 2 or not known_um[1] > _WORSE * known_um[0]:
+        return []
+    return [
+        f"what it did not see the model predicts worse ({known_um[1]:.1f} µm) than {before} does ({known_um[0]:.1f} "
+        "µm): there are few rows for so many numbers; measure more, or fit fewer (--components 12 or none), before a "
+        "program is corrected by it"
+    ]
 
 
 def scale_sentence(scales: Mapping[str, MeanScale]) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 
@@ -11,9 +12,10 @@ def session_numbers(names: Sequence[str]) -> range:
     A table whose sessions are 1, 2 and 3 is spoken of, and corrected for, by these.
     """
     try:
-        own = [int(name) for name in names]
+        # A spreadsheet may have made 1.0 of 1.
+        own = [float(name) for name in names]
     except ValueError:
         own = []
-    first = own[0] if own else 0
+    first = int(own[0]) if own and math.isfinite(own[0]) else 0
     counted = range(first, first + len(names))
     return counted if first >= 0 and own == list(counted) else range(len(names))
