@@ -42,6 +42,9 @@ def test_scattered_points_have_no_strokes() -> None:
         ("temp", 291.2, 291.2, True),
         ("temp_bed", 20.0, 120.0, False),
         ("temp_nozzle", 280.0, 290.0, False),
+        ("temp_e0", 285.0, 285.0, False),
+        ("temp_tool1", 285.0, 285.0, False),
+        ("temp_heater_bed", 290.0, 300.0, True),
         ("temp_chamber", 240.0, 300.0, False),
     ],
 )

@@ -36,3 +36,16 @@ def test_few_scattered_points_are_not_followed_one_by_one(n_points: int, seed: i
     assert found.found, found.sentence
     assert found.found[0].reference.effect in ("backlash", "backlash-position")
     assert found.found[0].reference.axis == "x"
+
+
+@pytest.mark.parametrize(("n_places", "n_repeats"), [(21, 2), (51, 2), (26, 5), (51, 1)])
+def test_a_laser_of_which_nothing_is_stated_is_followed(n_places: int, n_repeats: int) -> None:
+    """It shows one error of one axis: few numbers, and fewer functions."""
+    rng = np.random.default_rng(4)
+    x = np.tile(np.linspace(0.0, LENGTH_MM, n_places), n_repeats)
+    measured = x + 5e-3 * np.sin(2.0 * np.pi * x / 170.0) + 5e-4 * rng.normal(size=len(x))
+    columns: dict[str, object] = {"carrier": ["relative"] * len(x), "x": x, "mx": measured}
+    columns |= {"y": np.full(len(x), 100.0), "z": np.full(len(x), 50.0)}
+    columns["repeat"] = np.repeat(np.arange(n_repeats), n_places)
+    fitted = fit_terms(MACHINE, [observations_from_columns(columns)], options=FitOptions(threads=1))
+    assert fitted.scale < 1e-3, "half a micrometre was hidden, and five of a wave"

@@ -36,6 +36,7 @@ from geoerr.fit.beside_effects import few_beside
 from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
 from geoerr.fit.inner import has_unknown_inner
+from geoerr.fit.other_sessions import refuse_other_sessions
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed
@@ -409,6 +410,7 @@ class _Data:
 
     def fitted(self, model: Model, terms: Sequence[Term]) -> Fitted:
         """Fit these terms alone."""
+        refuse_other_sessions(model, self.sightings)
         if self._of_all_rows is not None and not any(map(has_unknown_inner, terms)):
             return self._of_all_rows.again(tuple(terms))
         return fit_terms(

@@ -33,7 +33,8 @@ def _words_of_names(term: Term, machine: Machine) -> dict[str, str]:
     effect = catalogue()[term.effect]
     words: dict[str, str] = {}
     numbers = [int(tail) for one in term.coefficients if (tail := one.name.rpartition("_")[2]).isdigit()]
-    sessions = [str(number) for number in range(max(numbers, default=0) + 1)]
+    # Any name for the first, of which nothing is said.
+    sessions = ["first", *(str(number) for number in dict.fromkeys(numbers))]
     for form in effect.form_names:
         for lagged in (False, True):
             # A form may be for another covariate, or follow no temperature.

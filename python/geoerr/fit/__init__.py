@@ -14,6 +14,7 @@ from geoerr.fit.fitted import Fitted, Outlier
 from geoerr.fit.given import complete_rows, frames_only, has_covariates, own_freedom
 from geoerr.fit.history import figures_to_remember, history_of, steps_to
 from geoerr.fit.joined import sightings_of, within_the_machine
+from geoerr.fit.other_sessions import refuse_other_sessions
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.split import Split
@@ -110,7 +111,9 @@ def fit_model(
     check_machine(machine, tables, "fit_model(machine, observations)", or_model=True)
     options = options or FitOptions()
     terms: tuple[Term, ...] = ()
+    joined = sightings_of(*tables)
     if isinstance(machine, Model):
+        refuse_other_sessions(machine, joined)
         terms, components = (*machine.all_machine_terms, *machine.rig_terms), "none"
         machine = machine.machine
     described, options = machine, options if components is None else replace(options, components=components)
@@ -128,7 +131,7 @@ def fit_model(
     wanted = list(effects) if isinstance(effects, Sequence) and not isinstance(effects, str) else [effects]
     on_progress(0, 2 + len(wanted))
     held = held_errors(options.components, terms)
-    asked = additions(wanted, known or catalogue(), described, sightings_of(*tables), held, fit, way)
+    asked = additions(wanted, known or catalogue(), described, joined, held, fit, way)
     fitted = fit([term for one in asked for term in one.terms])
     # A model that was composed names its new effects by having no values for them.
     added = [Addition(term.id, term.title, (term,)) for term in terms if _is_new(term)] + asked

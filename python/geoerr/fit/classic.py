@@ -37,6 +37,8 @@ MOST_FUNCTIONS = 24
 # Positions of which a function may not miss one: what it misses of a few levels of a grid looks like a wave. Of more,
 # a quarter fewer functions follow what is smooth, with less of the noise and of effects that are still to be found.
 _FEW_POSITIONS = 7
+# Points are scattered where more of them than this share have positions of their own.
+_SCATTERED = 0.7
 # As few functions as can bend: a cubic, and one bend.
 _BENT = 5
 # Measured numbers for each of them from which on enough are left over to tell the noise by.
@@ -202,8 +204,16 @@ def rich_bases(
     at positions of its own, would be followed one by one.
     """
     is_noise_told = tells_noise(sightings, names, positions_mm)
-    if names and not sightings.is_stated:
-        most = min(most, max(_BENT, int(sightings.is_measured.sum()) // (_NUMBERS_OF_A_FUNCTION * len(names))))
+    if not sightings.is_stated and _is_scattered(sightings, positions_mm):
+        seen = sightings.is_measured.sum(axis=0)
+        # An angle shows in all components, and where more than its own axis moves.
+        moves = [axis for axis in AXES if len(positions_mm[axis]) > 1]
+        n_seen = 0
+        for name in names:
+            component, axis = name[1], name[2].lower()
+            is_seen = len(moves) > 1 if component in "ABC" else seen["XYZ".index(component)] > 0
+            n_seen += axis in moves and bool(is_seen)
+        most = min(most, max(_BENT, int(seen.sum()) // (_NUMBERS_OF_A_FUNCTION * max(n_seen, 1))))
     found = {}
     for name in names:
         axis = name[2].lower()
@@ -213,6 +223,11 @@ def rich_bases(
         if basis is not None:
             found[name] = basis
     return found
+
+
+def _is_scattered(sightings: Sightings, positions_mm: Mapping[str, Numbers]) -> bool:
+    """Tell whether most rows stand at positions of their own along some axis: nothing was measured twice there."""
+    return max(map(len, positions_mm.values()), default=0) > _SCATTERED * len(sightings)
 
 
 def spline(axis: str, position_mm: Numbers, n_functions: int) -> BasisSpec:

@@ -472,7 +472,7 @@ class _Beyond:
         """
         rows, candidate = self.rows, self.candidate
         temperatures = [place for place, name in enumerate(candidate.names) if is_temperature(name)]
-        if not temperatures:
+        if not temperatures or not candidate.is_seen.any():
             return None
         mean = np.nanmean(candidate.variables[:, candidate.is_seen][temperatures], axis=1, keepdims=True)
         values = rows.variables[temperatures]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -12,13 +13,13 @@ from geoerr.fit.sightings import Sightings
 _KELVIN_DEGC = 273.15
 # Rooms, beds and frames, as a thermometer in kelvins has them. What is as hot in degrees melts filament.
 _LOW_K, _HIGH_K = _KELVIN_DEGC, _KELVIN_DEGC + 60.0
-_HOT = ("nozzle", "hotend", "hot_end", "extruder", "heater", "spindle")
+_HOT = re.compile(r"nozzle|hot_?end|extruder|spindle|tool|head|heater(?!_bed)|_e\d")
 
 
 def odd_temperatures(sightings: Sightings) -> Iterator[str]:
     """Say so where a temperature looks like one in kelvins."""
     for name in sightings.table.columns:
-        if not is_temperature(name) or any(hot in name for hot in _HOT):
+        if not is_temperature(name) or _HOT.search(name):
             continue
         values = sightings.numbers(name)
         known = values[np.isfinite(values)]

@@ -20,7 +20,7 @@ from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
 from geoerr.model.fit_words import FAR_BELOW_STATED, OF_STATED
 from geoerr.model.summary import model_html
-from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span, session_numbers
+from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span
 
 # Directions of parameters whose part in the model is below this are those of the measuring frames alone.
 _NOTHING = 1e-9
@@ -118,9 +118,10 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         for name, values in zip(names, variable_columns(sightings, names), strict=True)
         if np.isfinite(values).any()
     }
+    sessions: dict[str, int] = {}
     if any(SESSION_NAME in term.variables for term in fitted.terms):
-        numbers = session_numbers(sightings.set_ups)
-        spans[SESSION_NAME] = (float(numbers[0]), float(numbers[-1]))
+        sessions = sightings.numbers_of_set_ups
+        spans[SESSION_NAME] = (float(min(sessions.values())), float(max(sessions.values())))
     record = FitRecord(
         covariance=fitted.covariance,
         null_space=_unit_columns(fitted.null_space),
@@ -130,6 +131,7 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         n_outliers=len(fitted.outliers),
         range_mm=moved,
         covariate_spans=spans,
+        sessions=sessions,
         noise=_numbers(_scatter(fitted) | _calibration(fitted)),
         figures=_numbers(
             {name: value for name, value in figures_document(fitted).items() if _is_plain(value)} | _freedom(fitted)

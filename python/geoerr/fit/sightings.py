@@ -182,6 +182,15 @@ class Sightings:
         """Names of these sessions, in order."""
         return tuple(name for name, kind in zip(self.sessions, self.frames, strict=True) if kind != "lengths")
 
+    @property
+    def numbers_of_set_ups(self) -> dict[str, int]:
+        """Number of each of these sessions by its name, in order."""
+        found: dict[str, int] = {}
+        for name, number in zip(self.set_ups, session_numbers(self.set_ups), strict=True):
+            # Two tables may have a session of one name.
+            found[name if name not in found else f"{name} ({number})"] = number
+        return found
+
     @cached_property
     def session_numbers(self) -> Integers:
         """By what number formulas know each session, (n_sessions,); -1 of lengths."""

@@ -146,8 +146,8 @@ def _row(name: str, value: npt.ArrayLike | str, machine: Machine, n_rows: int) -
     if name == SESSION_NAME and not (np.isfinite(numbers) & (numbers >= 0.0) & (numbers == np.round(numbers))).all():
         raise GeoerrError(
             f"the condition session is {float(numbers.flat[0]):g}, which is no number of a session\n"
-            "hint: they are the data's own where those count up one by one; else they are counted from 0 in the "
-            "order of the data; of a machine that changed state the last"
+            "hint: they are the data's own where those are numbers; others are counted behind these, in the order of "
+            "the data; of a machine that changed state the last"
         )
     return np.broadcast_to(numbers, (n_rows,))
 

@@ -57,6 +57,8 @@ def document_of(model: Model) -> dict[str, Any]:
                 "range_mm": {axis: list(span) for axis, span in record.range_mm.items()},
                 "stood_mm": dict(record.stood_mm),
                 "covariate_spans": {name: list(span) for name, span in record.covariate_spans.items()},
+                # Of few models: files of the others stay as they were.
+                **({"sessions": dict(record.sessions)} if record.sessions else {}),
             },
             "noise": _numbers_of(record.noise),
             "figures": _numbers_of(record.figures),
@@ -146,8 +148,20 @@ def _record(document: dict[str, Any], n_parameters: int, path: str | Path) -> Fi
             history=tuple(history),
             stood_mm=_figures(data.get("stood_mm", {}), "data.stood_mm", path),
             has_settled=_truth(document, "has_settled", path),
+            sessions=_sessions(data.get("sessions", {}), path),
         ),
     )
+
+
+def _sessions(found: Any, path: str | Path) -> dict[str, int]:
+    if not isinstance(found, dict):
+        raise InputFileError(
+            path,
+            "is not a table of names and numbers",
+            column="data.sessions",
+            remedy="leave it as `geoerr fit` wrote it",
+        )
+    return dict(found)
 
 
 def _numbers_of(numbers: Mapping[str, float]) -> dict[str, float | None]:

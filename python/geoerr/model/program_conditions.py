@@ -58,6 +58,8 @@ class Extrapolated:
         Span of the data.
     is_reference
         Whether it is the machine's reference temperature: where what follows the temperature is 0 by definition.
+    sessions
+        Of a session those that were measured; empty where a model does not tell.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Extrapolated:
     low: float
     high: float
     is_reference: bool = False
+    sessions: tuple[int, ...] = ()
 
     @property
     def beyond(self) -> float:
@@ -88,7 +91,8 @@ class Extrapolated:
     def __str__(self) -> str:
         """Say it in one sentence."""
         if self.name == SESSION_NAME:
-            return f"session {self.value:g} is none that was measured: the model's are {self.low:g} to {self.high:g}"
+            known = ", ".join(map(str, self.sessions)) or f"{self.low:g} to {self.high:g}"
+            return f"session {self.value:g} is none that was measured: the model's are {known}"
         unit = " °C" if is_temperature(self.name) else ""
         side = "above" if self.value > self.high else "below"
         span = f"{self.low:g} to {self.high:g}{unit}" if self.high > self.low else f"nothing but {self.low:g}{unit}"
@@ -151,11 +155,13 @@ def refuse_unneeded(at: Conditions | None, follows: Collection[str]) -> None:
 def extrapolated_conditions(model: Model, at: Conditions | None) -> tuple[Extrapolated, ...]:
     """Give each stated condition, one number, that the data of the fit do not cover."""
     spans = {} if model.record is None else model.record.covariate_spans
-    return tuple(
-        Extrapolated(name, value, *spans[name], isinstance((at or {})[name], str))
-        for name, value in sorted(constants_of(model.machine, at).items())
-        if name in spans and not spans[name][0] <= value <= spans[name][1]
-    )
+    sessions = () if model.record is None else tuple(model.record.sessions.values())
+    found = []
+    for name, value in sorted(constants_of(model.machine, at).items()):
+        known = sessions if name == SESSION_NAME else ()
+        if name in spans and (not spans[name][0] <= value <= spans[name][1] or (known and value not in known)):
+            found.append(Extrapolated(name, value, *spans[name], isinstance((at or {})[name], str), known))
+    return tuple(found)
 
 
 def _spans(model: Model, names: Sequence[str]) -> str:

@@ -89,6 +89,9 @@ class FitRecord:
         Whether the fit came to rest. Numbers of one that did not are wherever it stopped, and not to be used.
     covariate_spans
         Covariate to its smallest and largest value in the data.
+    sessions
+        Of a model in which something changes from session to session: names of the data's sessions, in their order,
+        and the number by which its terms know each.
     noise, figures
         Name (with its unit) to number: `floor_um`, `stated_um` ...; `rmse_um`, `held_out_rmse_um` ... NaN where a
         number is not computable.
@@ -115,6 +118,7 @@ class FitRecord:
     history: tuple[HistoryEntry, ...] = ()
     stood_mm: Mapping[str, float] = field(default_factory=dict)
     has_settled: bool = True
+    sessions: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check everything, and make the covariance symmetric to the last bit."""
@@ -131,6 +135,10 @@ class FitRecord:
             for key, span in getattr(self, name).items():
                 good = len(span) == 2 and all(map(math.isfinite, span)) and span[0] <= span[1]
                 _require(good, f"{name} of {key} is {span!r}, not from low to high")
+        for name, number in self.sessions.items():
+            is_number = isinstance(number, int) and not isinstance(number, bool) and 0 <= number < 2**53
+            _require(is_number, f"sessions: {number!r} is no number of session {name!r}")
+        _check_texts(*self.sessions)
         _check_numbers("noise", self.noise)
         _check_numbers("figures", self.figures)
         _check_numbers("stood_mm", self.stood_mm)

@@ -8,14 +8,21 @@ from geoerr.model.model import Model
 from geoerr.terms import SESSION_NAME
 
 
+def last_session(model: Model) -> int | None:
+    """Give the number of the last session that a model was fitted to; None where nothing in it follows sessions."""
+    if model.record is None or SESSION_NAME not in model.record.covariate_spans:
+        return None
+    numbers = list(model.record.sessions.values())
+    return numbers[-1] if numbers else round(model.record.covariate_spans[SESSION_NAME][1])
+
+
 def since_last_session(model: Model) -> Model:
     """Give a model for measurements that it was not fitted to.
 
     The sessions of other data are others, and their numbers have nothing to do with the model's: what was knocked
     between two of those stays as it was in the last.
     """
-    spans = {} if model.record is None else model.record.covariate_spans
-    if SESSION_NAME not in spans:
+    last = last_session(model)
+    if last is None:
         return model
-    last = round(spans[SESSION_NAME][1])
     return replace(model, terms=tuple(term.in_session(last) for term in model.terms))

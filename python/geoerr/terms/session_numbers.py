@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
-import math
+import re
 from collections.abc import Sequence
 
+# A spreadsheet may have made 1.0 of 1. What is longer is a date or a serial number.
+_OWN = re.compile(r"(\d{1,4})(?:\.0+)?", re.ASCII)
 
-def session_numbers(names: Sequence[str]) -> range:
-    """Give the number of each session by their names in order: its own where those count up one by one, else from 0.
 
-    A table whose sessions are 1, 2 and 3 is spoken of, and corrected for, by these.
+def session_numbers(names: Sequence[str]) -> list[int]:
+    """Give the number of each session by their names in order: its own where its name is one; others count on behind.
+
+    A table whose sessions are 1, 2 and 3 is spoken of, and corrected for, by these, whatever is measured besides.
     """
-    try:
-        # A spreadsheet may have made 1.0 of 1.
-        own = [float(name) for name in names]
-    except ValueError:
-        own = []
-    first = int(own[0]) if own and math.isfinite(own[0]) else 0
-    counted = range(first, first + len(names))
-    return counted if first >= 0 and own == list(counted) else range(len(names))
+    own = [None if (found := _OWN.fullmatch(name)) is None else int(found[1]) for name in names]
+    taken: set[int] = set()
+    numbers: list[int | None] = []
+    for number in own:
+        # Of two that would be one the second counts on.
+        numbers.append(None if number in taken else number)
+        taken |= set() if number is None else {number}
+    behind = max(taken, default=-1) + 1
+    result = []
+    for number in numbers:
+        result.append(behind if number is None else number)
+        behind += number is None
+    return result

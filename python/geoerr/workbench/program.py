@@ -15,6 +15,7 @@ from geoerr.compensate.program import CompensationOptions, CompensationResult, c
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.model import Model
 from geoerr.model.program_conditions import needed_conditions, without_waves_in_time
+from geoerr.model.sessions import last_session
 from geoerr.model.worth import well_known
 from geoerr.terms import SESSION_NAME
 from geoerr.verify.path_trace import PathTrace, trace_paths
@@ -155,7 +156,7 @@ def default_condition(model: Model, name: str) -> float | None:
     spans = {} if model.record is None else model.record.covariate_spans
     if name not in spans:
         return None
-    return spans[name][1] if name == SESSION_NAME else float(f"{0.5 * sum(spans[name]):.4g}")
+    return last_session(model) if name == SESSION_NAME else float(f"{0.5 * sum(spans[name]):.4g}")
 
 
 def work_offset_mm(text: str) -> tuple[float, float, float]:
