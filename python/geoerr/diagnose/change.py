@@ -352,7 +352,7 @@ def remove_terms(
     terms = own_terms(model)
     effects = [term.id for term in terms if term.kind != "classic"]
     # As it was asked for: what follows one thing alone need not be told which.
-    reference = next((own for own in effects if own == reference), _only_one(effects, reference))
+    reference = reference if reference in effects else _only_one(effects, reference)
     if not any(term.id == reference for term in terms):
         raise GeoerrError(
             f"the model has no effect {reference!r}\nhint: it has {', '.join(effects) if effects else 'no effects'}"

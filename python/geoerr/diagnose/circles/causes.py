@@ -44,8 +44,8 @@ _NEED_TIMES = (
 )
 # Phases of a vibration have nothing to do with the start of a run.
 BY_RUN = ("vibration",)
-# A vibration is searched down to this many rows of a run; a wave of an axis to fewer, at mean spacing: beside its
-# reversals they lie closer.
+# A vibration is searched down to this many rows of the fastest run; a wave of an axis to fewer, at mean spacing:
+# beside its reversals they lie closer.
 _ROWS_OF_A_SHAKE, _ROWS_OF_A_WAVE = 2.05, 1.25
 # Longer waves than this share of the radius are curves: straightness, or an uneven scale.
 _LONGEST_WAVE = 0.45
