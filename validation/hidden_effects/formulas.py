@@ -64,7 +64,7 @@ def term_of(case: Case) -> tuple[Term, dict[str, float]]:
     inner = {name: true[name] for name in truth.inner if name != "session"}
     for form in effect.forms:
         for lagged in (False, True):
-            options = {"form": form.name, "lagged": lagged, "time_range_s": (0.0, 1e6), "n_sessions": 3}
+            options = {"form": form.name, "lagged": lagged, "time_range_s": (0.0, 1e6), "sessions": ("0", "1", "2")}
             try:
                 term = effect.term(truth.axis, truth.covariate, case.machine, **options)
             except InputFileError:
