@@ -119,6 +119,11 @@ class Observations:
         return [value or "" for value in self.frame[column].cast(pl.String).to_list()]
 
     @property
+    def is_of_cameras(self) -> bool:
+        """Whether pixels stand beside the positions."""
+        return PIXELS[0] in self.frame.columns
+
+    @property
     def commanded_mm(self) -> Numbers:
         """Commanded axis positions, (n, 3)."""
         return self.numbers("x", "y", "z")

@@ -196,5 +196,5 @@ def calibration(rig: Path | None, points: Observations | None) -> tuple[Any, Any
 
 def note_without_rig(points: Observations | None, quiet: bool) -> None:
     """Say that cameras took part without what their calibration leaves open."""
-    if points is not None and "u_left" in points.frame.columns:
+    if points is not None and points.is_of_cameras:
         note("note: the calibration's uncertainty is not included (--rig)", quiet)

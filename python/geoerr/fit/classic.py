@@ -40,7 +40,7 @@ _FEW_POSITIONS = 7
 # Points are scattered where more of them than this share have positions of their own.
 _SCATTERED = 0.7
 # As few functions as can bend: a cubic, and one bend.
-_BENT = 5
+BENT = 5
 # Measured numbers for each of them from which on enough are left over to tell the noise by.
 _NUMBERS_OF_A_FUNCTION = 2
 
@@ -205,15 +205,9 @@ def rich_bases(
     """
     is_noise_told = tells_noise(sightings, names, positions_mm)
     if not sightings.is_stated and _is_scattered(sightings, positions_mm):
-        seen = sightings.is_measured.sum(axis=0)
-        # An angle shows in all components, and where more than its own axis moves.
-        moves = [axis for axis in AXES if len(positions_mm[axis]) > 1]
-        n_seen = 0
-        for name in names:
-            component, axis = name[1], name[2].lower()
-            is_seen = len(moves) > 1 if component in "ABC" else seen["XYZ".index(component)] > 0
-            n_seen += axis in moves and bool(is_seen)
-        most = min(most, max(_BENT, int(seen.sum()) // (_NUMBERS_OF_A_FUNCTION * max(n_seen, 1))))
+        n_seen = sum(_is_seen(name, sightings, positions_mm) for name in names)
+        n_numbers = int(sightings.is_measured.sum())
+        most = min(most, max(BENT, n_numbers // (_NUMBERS_OF_A_FUNCTION * max(n_seen, 1))))
     found = {}
     for name in names:
         axis = name[2].lower()
@@ -228,6 +222,18 @@ def rich_bases(
 def _is_scattered(sightings: Sightings, positions_mm: Mapping[str, Numbers]) -> bool:
     """Tell whether most rows stand at positions of their own along some axis: nothing was measured twice there."""
     return max(map(len, positions_mm.values()), default=0) > _SCATTERED * len(sightings)
+
+
+def _is_seen(name: str, sightings: Sightings, positions_mm: Mapping[str, Numbers]) -> bool:
+    """Tell whether rows can show an error function: its axis moves, and its component is measured.
+
+    An angle shows in all components, and where more than its own axis moves.
+    """
+    component, axis = name[1], name[2].lower()
+    moves = [one for one in AXES if len(positions_mm[one]) > 1]
+    if component in "ABC":
+        return axis in moves and len(moves) > 1
+    return axis in moves and bool(sightings.is_measured[:, "XYZ".index(component)].any())
 
 
 def spline(axis: str, position_mm: Numbers, n_functions: int) -> BasisSpec:

@@ -484,12 +484,13 @@ class _Beyond:
 
         means = at(np.where(np.isnan(values), values, mean))
         trials = list(itertools.product(*map(_ends_and_middle, candidate.inner)))
-        whole, of_means, twice = (one.shapes(trials) for one in (rows, means, at(2.0 * values - mean)))
+        whole, of_means = rows.shapes(trials), means.shapes(trials)
         changing = whole - of_means
-        if not np.allclose(twice - of_means, 2.0 * changing, rtol=0.0, atol=_LINEAR * np.abs(whole).max(initial=0.0)):
-            return None
         size, changes = (np.einsum("tkk->tk", self._gram(shapes)) for shapes in (whole, changing))
         if not (changes < STEADY * size).any():
+            return None
+        twice = at(2.0 * values - mean).shapes(trials) - of_means
+        if not np.allclose(twice, 2.0 * changing, rtol=0.0, atol=_LINEAR * np.abs(whole).max(initial=0.0)):
             return None
         owned, inside = np.einsum("tkk->tk", self._gram(of_means)), self._inside(of_means)
         return means if (owned - np.einsum("tkr,tkr->tk", inside, inside) <= _INSIDE * owned).all() else None

@@ -10,14 +10,12 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from geoerr.fit.classic import MOST_FUNCTIONS, rich_bases
+from geoerr.fit.classic import BENT, MOST_FUNCTIONS, rich_bases
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.terms import BasisSpec
 
-# As few functions as show whether fewer leave less open: a cubic, and one bend.
-_FEWEST = 5
 # Positions that fewer rows show than this share of what rows show of the middle one are passed over first.
 _HARDLY_SEEN = 0.5
 
@@ -42,7 +40,7 @@ def determined_bases(
     fitted = fit(rich)
     if not _n_open(fitted, rich):
         return dict(rich), fitted
-    few = rich_bases(sightings, list(rich), positions_mm, _FEWEST)
+    few = rich_bases(sightings, list(rich), positions_mm, BENT)
     with_few = fit(few)
     least = _n_open(with_few, rich)
     if least >= _n_open(fitted, rich):
@@ -67,7 +65,7 @@ def _between(
     }
     yield rich_bases(sightings, list(rich), often)
     most = 3 * min(MOST_FUNCTIONS, max(len(own) for own in often.values())) // 4
-    while most > _FEWEST:
+    while most > BENT:
         yield rich_bases(sightings, list(rich), often, most)
         most = 3 * most // 4
 

@@ -175,7 +175,7 @@ class Sightings:
     @property
     def n_set_ups(self) -> int:
         """Number of sessions that something may have changed between; of lengths nobody knows when they were made."""
-        return max(sum(kind != "lengths" for kind in self.frames), 1)
+        return max(len(self.set_ups), 1)
 
     @property
     def set_ups(self) -> tuple[str, ...]:

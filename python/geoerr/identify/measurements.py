@@ -10,7 +10,7 @@ import numpy.typing as npt
 from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unused_uncertainties
 from geoerr.fit.unbelievable import unbelievable_rows
 from geoerr.identify.linear import Numbers
-from geoerr.observations import PIXELS, Observations
+from geoerr.observations import Observations
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def measurements_of(observations: Observations) -> Measurements:
         repeat=observations.numbers("repeat")[:, 0].astype(np.int64),
         is_parallel=is_parallel,
         usable=usable,
-        is_of_cameras=PIXELS[0] in observations.frame.columns,
+        is_of_cameras=observations.is_of_cameras,
         notes=notes,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Sequence
 
@@ -15,15 +16,9 @@ def session_numbers(names: Sequence[str]) -> list[int]:
     A table whose sessions are 1, 2 and 3 is spoken of, and corrected for, by these, whatever is measured besides.
     """
     own = [None if (found := _OWN.fullmatch(name)) is None else int(found[1]) for name in names]
-    taken: set[int] = set()
-    numbers: list[int | None] = []
-    for number in own:
-        # Of two that would be one the second counts on.
-        numbers.append(None if number in taken else number)
-        taken |= set() if number is None else {number}
-    behind = max(taken, default=-1) + 1
-    result = []
-    for number in numbers:
-        result.append(behind if number is None else number)
-        behind += number is None
-    return result
+    # Of two that would be one the second counts on.
+    first = {number: place for place, number in reversed([*enumerate(own)]) if number is not None}
+    behind = itertools.count(max(first, default=-1) + 1)
+    return [
+        number if number is not None and first[number] == place else next(behind) for place, number in enumerate(own)
+    ]

@@ -149,7 +149,7 @@ def _shares(
     own, inner_mm = of[is_inner], command_mm[is_inner]
     begin_mm, along_mm = start_mm[own], end_mm[own] - start_mm[own]
     length2 = np.einsum("nc,nc->n", along_mm, along_mm)
-    per_mm2 = np.where(length2 > 0.0, 1.0 / np.where(length2 > 0.0, length2, 1.0), 0.0)
+    per_mm2 = np.divide(1.0, length2, out=np.zeros_like(length2), where=length2 > 0.0)
     inner = np.ones(len(own))
     # Where errors follow the travel, the place says the travel and the travel the place.
     for _ in range(1 if courses is None else _PLACE_STEPS):
@@ -159,11 +159,9 @@ def _shares(
     shares[is_inner] = inner
     if courses is not None:
         # A first piece that goes nowhere takes up play at the begin of the move.
-        is_first = np.zeros(len(of), dtype=bool)
-        is_first[first] = True
         is_short = np.zeros(len(of), dtype=bool)
         is_short[is_inner] = np.sqrt(length2) * inner < END_MM
-        shares[is_first & is_short] = 0.0
+        shares[first[is_short[first]]] = 0.0
     return shares
 
 

@@ -51,7 +51,7 @@ def calibration_words(
     has_rig = any(one.kind == "rig" for one in files)
     if has_rig and measured is not None and not calibration.is_given:
         told.append("the rig takes no part: these measurements are no cameras'")
-    if not has_rig and points is not None and "u_left" in points.frame.columns:
+    if not has_rig and points is not None and points.is_of_cameras:
         told.append("the calibration's uncertainty is not included: add the rig (rig.json)")
     fitted_with = 0.0 if model is None or model.record is None else model.record.noise.get(CALIBRATION_UNKNOWNS, 0.0)
     if fitted_with > 0.0 and points is not None and not calibration.is_given:

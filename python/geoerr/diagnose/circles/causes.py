@@ -273,7 +273,7 @@ def _grid(runs: Runs, term: Term, parameter: Parameter) -> Sequence[float]:
     if parameter.name == "t0" and term.effect == "lost-steps":
         return _jumps_s(runs)
     if term.effect == "reversal-spike" and parameter.unit == "s":
-        low, high = max(low, 0.7 * _step_s(runs)), min(high, _turn_s(runs) / 12.0)
+        low, high = max(low, 0.7 * min(_steps_s(runs))), min(high, _turn_s(runs) / 12.0)
     elif term.effect in ("reversal-windup", "reversal-spike"):
         radius = float(runs.radius_mm.max())
         # Within the first tenth of the radius: what fills more slowly is a slope.
@@ -293,8 +293,9 @@ def _turn_s(runs: Runs) -> float:
     return float(np.nanmin(2.0 * np.pi * runs.radius_mm / (runs.feed_mm_min / 60.0)))
 
 
-def _step_s(runs: Runs) -> float:
-    return min(float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices)
+def _steps_s(runs: Runs) -> list[float]:
+    """Give how far apart rows are in time, by run."""
+    return [float(np.median(np.diff(runs.time_s[own]))) for own in runs.slices]
 
 
 def _periods_mm(runs: Runs, axis: str, low: float, high: float, *, shakes_itself: bool) -> Sequence[float]:
@@ -323,7 +324,7 @@ def _frequencies_hz(runs: Runs, axis: str, low: float, high: float) -> Sequence[
     # Slower it is a shape of the circle.
     low = max(low, _LEAST_WAVES / _turn_s(runs))
     # In runs whose rows are further apart such a vibration looks slower, and only there: the others tell.
-    fastest, high = high, min(high, 1.0 / (_ROWS_OF_A_SHAKE * _step_s(runs)))
+    fastest, high = high, min(high, 1.0 / (_ROWS_OF_A_SHAKE * min(_steps_s(runs))))
     if not low < high:
         return ()
     step = 2.0 * _PHASE_STEP / longest
@@ -340,8 +341,7 @@ def tells_vibration(runs: Runs, way: Way) -> np.ndarray:
     (place,) = (number for number, one in enumerate(way.term.inner) if one.name == "f")
     frequency_hz = np.array([trial[place] for trial in way.trials])
     told = np.zeros((len(runs), len(frequency_hz)), dtype=bool)
-    for own in runs.slices:
-        step_s = float(np.median(np.diff(runs.time_s[own])))
+    for own, step_s in zip(runs.slices, _steps_s(runs), strict=True):
         seen_hz = np.abs(frequency_hz - np.rint(frequency_hz * step_s) / step_s)
         told[own] = (seen_hz * float(np.ptp(runs.time_s[own])) >= _LEAST_WAVES) | (frequency_hz * step_s < 0.5)
     return told
