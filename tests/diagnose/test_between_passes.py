@@ -48,6 +48,22 @@ def test_a_session_on_the_move_is_a_drift() -> None:
     assert found.trend_um is not None
     assert 25.0 < found.trend_um < 55.0
     assert "rises with time" in found.words()
+    assert found.short_words.startswith("a drift over time (")
+
+
+def test_a_verdict_of_nothing_tells_what_it_counts_as_noise() -> None:
+    rng = np.random.default_rng(5)
+    moved = motion(rng, Plan())
+    offsets = measure(rng, moved, Noise(offset=30.0))
+    found = diagnose(fit_terms(machine(), [offsets], options=FitOptions(threads=1)), threads=1)
+    assert not found.found
+    assert found.between_passes.stands_out
+    assert found.sentence.endswith(f"; {found.between_passes.short_words}")
+    assert found.between_passes.short_words.startswith("what differs from pass to pass (5")
+    steady = measure(rng, moved, Noise())
+    quiet = diagnose(fit_terms(machine(), [steady], options=FitOptions(threads=1)), threads=1)
+    assert not quiet.found
+    assert "counts as noise" not in quiet.sentence
 
 
 def test_a_slide_drifts_by_more_than_it_has_play(real_data: Path) -> None:

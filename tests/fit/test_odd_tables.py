@@ -1,5 +1,7 @@
 """Tables that say another thing than they mean: kelvins, strokes without names, readings from both sides."""
 
+import re
+
 import numpy as np
 import polars as pl
 import pytest
@@ -51,6 +53,39 @@ def test_scattered_points_have_no_strokes() -> None:
 def test_kelvins_are_told(name: str, low: float, high: float, is_told: bool) -> None:
     warm = table(**{name: np.linspace(low, high, 64)})
     assert bool(notes_of(warm, "look like kelvins")) is is_told
+
+
+@pytest.mark.parametrize(("scatter_k", "is_told"), [(0.0, False), (0.03, False), (0.2, True), (2.0, False)])
+def test_a_thermometer_that_scatters_is_told(scatter_k: float, is_told: bool) -> None:
+    """Of 0.5 K of drift that many kelvins; what is all scatter has nothing that an effect could follow."""
+    rng = np.random.default_rng(1)
+    readings = np.linspace(20.0, 22.0, 64) + scatter_k * rng.normal(size=64)
+    told = notes_of(table(temp_frame=readings), "temp_frame scatters")
+    assert bool(told) is is_told
+
+
+def test_how_much_too_small_an_expansion_comes_out_is_told() -> None:
+    """The share that is told is by how much a straight line on the readings is flatter than on the temperature."""
+    rng = np.random.default_rng(2)
+    n = 2000
+    true_k = np.cumsum(rng.normal(size=n)) * 0.01
+    readings = 20.0 + true_k + 0.3 * np.std(true_k) * rng.normal(size=n)
+    flatter = 1.0 - np.polyfit(readings, true_k, 1)[0]
+    place = np.tile(np.linspace(0.0, 300.0, 20), 100)
+    columns = {"carrier": ["relative"] * n, "line": ["x"] * n, "x": place, "y": 0.0 * place, "z": 0.0 * place}
+    told = notes_of(
+        observations_from_columns({**columns, "mx": place, "temp_frame": readings}), "temp_frame scatters"
+    )
+    (share,) = (float(found) for note in told for found in re.findall(r"(\d+) % too small", note))
+    assert share == pytest.approx(100.0 * flatter, abs=1.5)
+
+
+def test_a_heater_that_is_switched_does_not_scatter() -> None:
+    """Steps between set points are no scatter of a sensor, nor are readings that are held for some rows."""
+    switched = np.repeat([60.0, 62.0, 60.0, 61.0], 16)
+    assert not notes_of(table(temp_bed=switched), "scatters")
+    held = np.repeat(np.linspace(60.0, 62.0, 16), 4)
+    assert not notes_of(table(temp_bed=held), "scatters")
 
 
 def test_a_coarse_dial_that_is_read_from_both_sides_counts_once() -> None:

@@ -22,6 +22,8 @@ _SEED = 20_220_814
 _N_SHUFFLES = 1999
 # Passes of a session that can show a trend.
 _FEWEST_PASSES = 5
+# Orders of passes that rise or fall as much are as rare.
+_SELDOM = 0.05
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,17 @@ class BetweenPasses:
         """Whether it is larger than what rows scatter."""
         return self.worth_um > self.rows_um
 
+    @property
+    def rises(self) -> bool:
+        """Whether it rises or falls with time, as passes in any other order seldom would."""
+        return self.trend_p is not None and self.trend_p < _SELDOM
+
+    @property
+    def short_words(self) -> str:
+        """Give it as what a verdict that found nothing counts as noise."""
+        what = "a drift over time" if self.rises else "what differs from pass to pass"
+        return f"{what} ({um_words(self.worth_um)} rms) counts as noise"
+
     def words(self) -> str:
         """Say it, and what would tell where it comes from."""
         text = (
@@ -61,7 +74,7 @@ class BetweenPasses:
         )
         if self.trend_p is None or self.trend_um is None:
             return text
-        if self.trend_p >= 0.05:
+        if not self.rises:
             return f"{text}. It does not rise or fall with time: offsets of passes, not a drift"
         way = "rises" if self.trend_um > 0.0 else "falls"
         return (

@@ -149,17 +149,18 @@ class Diagnosis(Answer):
             return f"effects are missing, and these data cannot tell all of them: {names}{more}"
         if self.unknown is not None:
             return self.unknown.sentence
+        noise = f"; {self.between_passes.short_words}" if self.between_passes.stands_out else ""
         if self.p_value is not None and self.p_value <= _NO_CHANCE:
             return (
                 "nothing can be named, though what is left is more than chance "
-                f"({chance_words(self.p_value)}): more passes would show what it is"
+                f"({chance_words(self.p_value)}): more passes would show what it is{noise}"
             )
         if self.p_value is not None and self.p_value < _SELDOM:
             return (
                 "nothing is missing that these data could show for certain, though chance seldom leaves as much "
-                f"({chance_words(self.p_value)}): more passes would tell"
+                f"({chance_words(self.p_value)}): more passes would tell{noise}"
             )
-        return f"nothing is missing that these data could show: {chance_words(self.p_value)}"
+        return f"nothing is missing that these data could show: {chance_words(self.p_value)}{noise}"
 
     def _alternatives(self, finding: Finding) -> list[str]:
         """Name what was found and what looks the same, a few of many."""

@@ -28,7 +28,7 @@ from geoerr.fit.odd_directions import odd_directions
 from geoerr.fit.odd_lines import odd_lines
 from geoerr.fit.odd_temperatures import odd_temperatures
 from geoerr.fit.odd_times import odd_times
-from geoerr.fit.other_units import other_units
+from geoerr.fit.other_units import other_units, places_in_metres
 from geoerr.fit.passes import passes_of
 from geoerr.fit.scatter import scatter_of
 from geoerr.fit.sightings import Numbers, Sightings, columns_of_numbers
@@ -130,7 +130,7 @@ def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
         where targets do not go with what is said to carry them.
     """
     refuse_other_carriers(sightings, machine)
-    told = list(misplaced_targets(sightings, machine))
+    told = [*misplaced_targets(sightings, machine), *places_in_metres(sightings, machine)]
     for axis, along_mm in zip(AXES, sightings.commanded_mm.T, strict=True):
         low, high = machine.axes[axis].range_mm
         beyond_mm = np.maximum(low - along_mm, along_mm - high)

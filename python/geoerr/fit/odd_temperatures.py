@@ -1,7 +1,8 @@
-"""Temperatures that are in another unit than degrees Celsius."""
+"""Temperatures that are in another unit than degrees Celsius, and such as scatter more than what they show."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 
@@ -16,15 +17,48 @@ _LOW_K, _HIGH_K = _KELVIN_DEGC, _KELVIN_DEGC + 60.0
 _HOT = re.compile(r"nozzle|hot_?end|extruder|spindle|tool|head|heater(?!_bed)|_e\d")
 
 
+# The share of its variance that a temperature's scatter is: of less nothing is said, and of more it shows nothing
+# that an effect could follow.
+_LEAST_SCATTER, _MOST_SCATTER = 0.02, 0.5
+_FEWEST_ROWS = 30
+# The share of second differences that the scatter is told from, and how many standard deviations of theirs, which is
+# √6 of a reading's, the largest of so many has. The others are jumps, of a heater that is switched.
+_BELOW, _AT = 0.9, 1.6449
+
+
 def odd_temperatures(sightings: Sightings) -> Iterator[str]:
-    """Say so where a temperature looks like one in kelvins."""
+    """Say so where a temperature looks like one in kelvins, and where its readings scatter."""
     for name in sightings.table.columns:
-        if not is_temperature(name) or _HOT.search(name):
+        if not is_temperature(name):
             continue
         values = sightings.numbers(name)
         known = values[np.isfinite(values)]
-        if len(known) and known.min() >= _LOW_K and known.max() <= _HIGH_K:
+        if len(known) and not _HOT.search(name) and known.min() >= _LOW_K and known.max() <= _HIGH_K:
             yield (
                 f"{name} is {known.min():g} to {known.max():g}: temperatures are in °C, and these look like kelvins "
                 f"(subtract {_KELVIN_DEGC:g})"
             )
+        yield from _scattered(name, sightings)
+
+
+def _scattered(name: str, sightings: Sightings) -> Iterator[str]:
+    """Say by how much readings scatter, and what that does to what follows them.
+
+    A straight line on a variable whose errors are the share s of its variance is flatter by s (Fuller, Measurement
+    Error Models (1987), §1.1.1).
+    """
+    values = sightings.numbers(name)
+    sessions = [values[rows][np.isfinite(values[rows])] for rows in sightings.rows_of_sessions]
+    sessions = [own_k for own_k in sessions if len(own_k) >= _FEWEST_ROWS]
+    if not sessions:
+        return
+    bends_k = np.abs(np.concatenate([np.diff(own_k, n=2) for own_k in sessions]))
+    scatter_k = float(np.quantile(bends_k, _BELOW)) / (_AT * math.sqrt(6.0))
+    all_k = np.concatenate(sessions)
+    share = scatter_k**2 / float(all_k.var()) if np.ptp(all_k) > 0.0 else 0.0
+    if _LEAST_SCATTER < share < _MOST_SCATTER:
+        yield (
+            f"{name} scatters by {scatter_k:.2g} K from row to row, where it varies by {all_k.std():.2g} K: if that "
+            f"is the sensor's scatter, what follows it comes out {100.0 * share:.0f} % too small, or gets a lag that "
+            "smooths it; give means of several readings"
+        )

@@ -1,4 +1,4 @@
-"""Measured positions that are in another unit than millimetres: distances in them are that much longer or shorter."""
+"""Positions that are in another unit than millimetres: distances in them are that much longer or shorter."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from geoerr.fit.sightings import SEE_POSITIONS, Numbers, Sightings
+from geoerr.machine import AXES, Machine
 from geoerr.observations import CARRIERS
 
 # How long a millimetre is in it.
@@ -14,6 +15,8 @@ _UNITS = {"µm": 1e3, "inches": 1.0 / 25.4, "metres": 1e-3}
 # No machine's scale is off by as much, nor two units as near.
 _WITHIN = 0.02
 _FEWEST_ROWS = 6
+# A machine that is measured goes through so much of its travel, at least; in metres through a thousandth of that.
+_SOME_TRAVEL = 0.1
 
 
 def other_units(sightings: Sightings) -> Iterator[str]:
@@ -32,6 +35,17 @@ def other_units(sightings: Sightings) -> Iterator[str]:
                     f"commanded: mx, my and mz are in millimetres, and these look like {unit}"
                 )
                 break
+
+
+def places_in_metres(sightings: Sightings, machine: Machine) -> Iterator[str]:
+    """Say so where all places look like metres, on a machine that travels by millimetres."""
+    travel_mm = max(high - low for low, high in (machine.axes[axis].range_mm for axis in AXES))
+    extent_mm = float(np.ptp(sightings.commanded_mm, axis=0).max()) if len(sightings) >= _FEWEST_ROWS else 0.0
+    if _SOME_TRAVEL <= extent_mm / (travel_mm * _UNITS["metres"]) <= 1.0 + _WITHIN:
+        yield (
+            f"all places are within {extent_mm:.3g} mm, on a machine that travels {travel_mm:g}: x, y, z, mx, my and "
+            "mz are in millimetres, and these look like metres"
+        )
 
 
 def _unit_of(sightings: Sightings, rows: np.ndarray) -> str | None:
