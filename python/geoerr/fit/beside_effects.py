@@ -91,7 +91,7 @@ def _begun_beside_few(
     threads: int,
 ) -> list[Term]:
     """Give effects with the values that they have beside the freedom that the data choose without them."""
-    chosen = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions_mm)
+    chosen = choose_bases(undecided, fitted.terms, fitted.covariance_by_scatter, fitted.null_space, positions_mm)
     plain = fitted.again(on_bases(fitted.terms, {one.name: one.basis for one in chosen}))
     plain = with_few_knots(plain, effects)
     for effect in effects:

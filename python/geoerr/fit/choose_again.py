@@ -63,7 +63,9 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
         # So much freedom leaves nothing over to choose by.
         return None
     undecided = [term for term in terms if term.id in rich]
-    chosen = choose_bases(undecided, free.terms, free.covariance, free.null_space, positions, ladder=ladder)
+    chosen = choose_bases(
+        undecided, free.terms, free.covariance_by_scatter, free.null_space, positions, ladder=ladder
+    )
     new = {one.name: one.basis for one in chosen if one.basis != own[one.name]}
     return on_bases(fitted.terms, new) if new else None
 

@@ -183,9 +183,9 @@ def fit_terms(
     can_follow = undecided if options.freedom != "smooth" else ()
     fitted = with_effects(fitted, can_follow, unknown, positions, one_step=one_step, threads=options.threads)
     if undecided and options.freedom == "smooth" and math.isfinite(fitted.scale):
-        smoothness = choose_smoothness(undecided, fitted.terms, fitted.covariance, fitted.null_space)
+        smoothness = choose_smoothness(undecided, fitted.terms, fitted.covariance_by_scatter, fitted.null_space)
         # Rows of the whitened system: where the noise is not stated, its unit is the scale that was found.
-        smooth = posed.fit(fitted.terms, [replace(one, rows=one.rows * fitted.scale) for one in smoothness])
+        smooth = posed.fit(fitted.terms, [replace(one, rows=one.rows * fitted.scatter) for one in smoothness])
         # What is determined is for the data to say, not for a prior.
         return replace(
             smooth,
@@ -197,7 +197,9 @@ def fit_terms(
         family: Family = "elements" if options.freedom == "elements" else "splines"
         open_ids = {term.id for term in undecided}
         undecided = [term for term in fitted.terms if term.id in open_ids]
-        choices = choose_bases(undecided, fitted.terms, fitted.covariance, fitted.null_space, positions, family)
+        choices = choose_bases(
+            undecided, fitted.terms, fitted.covariance_by_scatter, fitted.null_space, positions, family
+        )
         chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
         fitted = posed.fit((*classic_on(chosen), *_with_starts(effects, fitted.terms)))
     return replace(fitted, choices=choices)
