@@ -43,6 +43,14 @@ def test_values(parameter: Parameter, text: str) -> None:
     [
         (11.8e-6, 0.4e-6, 0, "plausible: steel has 11.5"),
         (60e-6, 1e-6, 0, "no known value: the nearest is 23.4, aluminium"),
+        (230e-6, 1e-6, 0, "no known value: the nearest is 23.4, aluminium"),
+        (-11.8e-6, 0.4e-6, 0, "no known value: the nearest is 11.5, steel"),
+        (
+            990e-6,
+            18e-6,
+            0,
+            "not plausible: 42 times what aluminium has (23.4); something else does this",
+        ),
         (11.8e-6, 9e-6, 0, "too uncertain to compare with known values"),
         (-11.8e-6, 0.4e-6, 1, "not physical: it cannot be negative"),
         (-11.8e-6, 9e-6, 1, "too uncertain to compare with known values"),

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geoerr.bases import basis_of
+from geoerr.bases import basis_of, spline_over
 from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.fit.aliases import Determined, simplified
-from geoerr.fit.classic import classic_terms, positions_by_axis, spline, tells_noise
+from geoerr.fit.classic import classic_terms, positions_by_axis, tells_noise
 from geoerr.fit.joined import sightings_of
 from geoerr.fit.sightings import SAME_POSITION_MM
 from geoerr.machine import Machine
@@ -58,7 +58,7 @@ def _on_a_grid(rng: np.random.Generator, n_levels: int) -> Observations:
 def test_what_is_determined_stays_and_what_is_not_becomes_simple() -> None:
     rng = np.random.default_rng(1)
     places = np.linspace(0.0, 400.0, 30)
-    rich = spline("x", places, 9)
+    rich = spline_over("x", places, 9)
     simple = BasisSpec("polynomial", "x", degree=1, low_mm=0.0, high_mm=400.0)
     terms = [term for term in classic_terms(MACHINE, "21", {"EXX": rich, "EBX": rich}) if term.id in ("EXX", "EBX")]
     columns = basis_of(rich).evaluate(places)

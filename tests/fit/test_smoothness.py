@@ -11,9 +11,8 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 from virtual_machine import camera, draw_truth, machine_of, nine_lines, observe
 
-from geoerr.bases import basis_of
+from geoerr.bases import basis_of, spline_over
 from geoerr.fit import FitOptions, Fitted
-from geoerr.fit.classic import spline
 from geoerr.fit.smoothness import choose_smoothness, curvature_rows
 from geoerr.terms import BasisSpec, Parameter, Part, Term
 
@@ -23,7 +22,7 @@ CHAIN = "wZbXYt"
 
 def test_rows_hold_the_integral_of_the_squared_curvature() -> None:
     """Against adaptive quadrature of a second difference."""
-    spec = spline("x", Q_MM, 9)
+    spec = spline_over("x", Q_MM, 9)
     rows = curvature_rows(spec)
     assert rows is not None
     basis = basis_of(spec)
@@ -44,7 +43,7 @@ def test_rows_hold_the_integral_of_the_squared_curvature() -> None:
 
 def curve(values: np.ndarray, covariance: np.ndarray) -> tuple[float, float]:
     """Give the effective freedom and the curvature of one function that was measured at all positions."""
-    spec = spline("x", Q_MM, 21)
+    spec = spline_over("x", Q_MM, 21)
     inverse = np.linalg.inv(basis_of(spec).evaluate(Q_MM))
     coefficients = tuple(Parameter(f"c{place}", "mm", float(value)) for place, value in enumerate(inverse @ values))
     term = Term("EXX", "", "classic", None, "x", None, (Part("EXX", basis=spec),), coefficients)
@@ -65,7 +64,7 @@ def test_a_line_is_found_to_be_one_and_a_wave_is_followed() -> None:
 def test_curvature_is_that_of_the_curves_it_is_drawn_from() -> None:
     """The roughness of random curves comes back within its own uncertainty, on average over 60 of them."""
     rng = np.random.default_rng(3)
-    spec = spline("x", Q_MM, 21)
+    spec = spline_over("x", Q_MM, 21)
     rows = curvature_rows(spec)
     assert rows is not None
     _, size, turned = np.linalg.svd(rows, full_matrices=False)

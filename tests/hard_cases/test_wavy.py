@@ -5,12 +5,12 @@ import pytest
 from hidden_machine import LENGTH_MM, Noise, Plan, machine, measure, motion
 from numpy.polynomial import Chebyshev
 
-from geoerr.bases import basis_of
+from geoerr.bases import basis_of, spline_over
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import add_effect
 from geoerr.diagnose.notes import notes_of
 from geoerr.fit import FitOptions, fit_model
-from geoerr.fit.classic import on_basis, spline
+from geoerr.fit.classic import on_basis
 from geoerr.fit.wavy import _still_falls, follows_waves, without_waves
 from geoerr.observations import Observations
 
@@ -52,10 +52,10 @@ def test_a_wave_stays_until_there_are_two_knots_to_a_turn(turns: float) -> None:
         wave = np.cos(2.0 * np.pi * turns * (q - q[0]) / np.ptp(q) + phase)
 
         def left_by(count: int, wave: np.ndarray = wave) -> float:
-            columns = basis_of(spline("x", q, count)).evaluate(q)
+            columns = basis_of(spline_over("x", q, count)).evaluate(q)
             return float(((wave - columns @ np.linalg.lstsq(columns, wave, rcond=None)[0]) ** 2).sum())
 
-        assert not _still_falls(left_by, spline("x", q, 11))
+        assert not _still_falls(left_by, spline_over("x", q, 11))
 
 
 def test_waves_that_knots_follow_are_named_and_added_with_few_knots() -> None:
@@ -81,7 +81,7 @@ def test_knots_follow_long_waves_and_of_few_places_any() -> None:
     (own,) = [term for term in fitted.terms if term.id == "EXX"]
     for n_places, is_followed in ((200, {5.0: True, 10.0: True, 30.0: False, 150.0: False}), (26, {150.3: True})):
         places = np.sort(np.random.default_rng(0).uniform(0.0, LENGTH_MM, n_places))
-        many = on_basis(own, spline("x", places, 24))
+        many = on_basis(own, spline_over("x", places, 24))
         for count, expected in is_followed.items():
             assert follows_waves(many, count, {"x": places}) == expected
 

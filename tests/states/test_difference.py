@@ -9,9 +9,9 @@ import pytest
 from hot_machines import gantry, seen_from_elsewhere
 from validation.hot_and_cold import NO_HEAT, Hot, observe, without_rigid
 
+from geoerr.bases import spline_over
 from geoerr.error_functions import LINEAR_AND_ANGULAR, errors_from_document
 from geoerr.errors import GeoerrError, GeometryError
-from geoerr.fit.classic import spline
 from geoerr.geometry import rigid_columns
 from geoerr.observations import Observations
 from geoerr.states import States, identify_states
@@ -24,7 +24,7 @@ FAR = 5.5
 
 def bases_of(hot: Hot, n_functions: int = 7) -> dict[str, BasisSpec]:
     ranges = {axis: np.linspace(*one.range_mm, 13) for axis, one in hot.machine.axes.items()}
-    return {name: spline(name[2].lower(), ranges[name[2].lower()], n_functions) for name in LINEAR_AND_ANGULAR}
+    return {name: spline_over(name[2].lower(), ranges[name[2].lower()], n_functions) for name in LINEAR_AND_ANGULAR}
 
 
 def test_states_go_to_other_processes(states: States) -> None:

@@ -7,16 +7,16 @@ import pytest
 from hot_machines import gantry
 from validation.hot_and_cold import observe
 
+from geoerr.bases import spline_over
 from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.fit import FitOptions, Fitted, fit_terms
-from geoerr.fit.classic import spline
 from geoerr.states.offsets import _blocks, _Likelihood, _sums, pass_offsets, root_of_correlation
 
 
 def fitted(noise: str) -> Fitted:
     hot = gantry(5)
     ranges = {axis: np.linspace(*one.range_mm, 13) for axis, one in hot.machine.axes.items()}
-    bases = {name: spline(name[2].lower(), ranges[name[2].lower()], 7) for name in LINEAR_AND_ANGULAR}
+    bases = {name: spline_over(name[2].lower(), ranges[name[2].lower()], 7) for name in LINEAR_AND_ANGULAR}
     table = observe(hot, 20.0, 5, noise)
     return fit_terms(hot.machine, [table], options=FitOptions(bases=bases, threads=1))
 

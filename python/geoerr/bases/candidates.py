@@ -1,4 +1,4 @@
-"""Bases that data could choose among: elements and splines of growing number, at quantiles of the positions."""
+"""Bases that data could choose among: elements and splines of growing number, spread like the positions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.bases.knots import places_for_knots, spline_over
 from geoerr.errors import ShapeError
 from geoerr.terms import BasisKind, BasisSpec
 
@@ -33,8 +34,9 @@ def candidate_bases(
         Where the axis was measured, in any order, repeats allowed.
     kinds
         `linear` (1, 2, ... two-node elements), `quadratic` (1, 2, ... three-node elements), `bspline` (cubic, 0, 1,
-        ... inner knots), `polynomial` (degree 0, 1, ...). Element ends and knots lie at the quantiles of the distinct
-        positions, the middle nodes of three-node elements in the middle.
+        ... inner knots), `polynomial` (degree 0, 1, ...). Element ends lie at the quantiles of the distinct
+        positions, the middle nodes of three-node elements in the middle, and knots are spread like the positions,
+        those side by side being one.
     most_functions
         No basis has more functions than this, nor than there are distinct positions.
 
@@ -63,8 +65,9 @@ def _of_kind(kind: BasisKind, axis: str, distinct: Numbers, most: int) -> Iterab
                 nodes = np.sort(np.concatenate((ends, 0.5 * (ends[:-1] + ends[1:]))))
                 yield BasisSpec("quadratic", axis, knots_mm=tuple(nodes.tolist()))
         case "bspline":
-            for n_cells in range(1, most - _CUBIC + 1):
-                yield BasisSpec("bspline", axis, knots_mm=_quantiles(distinct, n_cells), degree=_CUBIC)
+            places = places_for_knots(distinct, most)
+            for n_functions in range(_CUBIC + 1, min(most, len(places)) + 1):
+                yield spline_over(axis, places, n_functions)
         case "polynomial":
             for degree in range(most):
                 yield BasisSpec("polynomial", axis, degree=degree, low_mm=low, high_mm=high)

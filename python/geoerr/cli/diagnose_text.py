@@ -131,6 +131,8 @@ def alias_lines(named: Named) -> Iterator[str]:
     if named.aliases:
         names = [f"{alias.reference} ({alias.correlation:.2f})" for alias in named.aliases[:_MOST_OTHERS]]
         yield from wrapped(f"looks like (correlation): {', '.join(names)}", "    ")
+    if named.device_words is not None:
+        yield from wrapped(named.device_words, "    ")
 
 
 def _tied(rivals: Sequence[Finding]) -> Iterator[str]:

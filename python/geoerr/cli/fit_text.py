@@ -21,6 +21,7 @@ from geoerr.error_functions import (
     is_angular,
 )
 from geoerr.fit import Fitted
+from geoerr.fit.begun_warm import begun_warm
 from geoerr.fit.from_nothing import SIGNIFICANCE, chance_of_nothing
 from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
@@ -160,7 +161,7 @@ def quality_in_words(fitted: Fitted) -> list[str]:
         )
     if not fitted.solved.converged:
         sentences.append(NOT_SETTLED)
-    return sentences
+    return [*sentences, *begun_warm(fitted, fitted.terms)]
 
 
 def prediction_in_words(unseen_um: tuple[float | None, float | None], before: str) -> list[str]:

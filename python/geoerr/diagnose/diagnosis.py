@@ -20,6 +20,7 @@ from geoerr.diagnose.words import chance_words
 from geoerr.drawing import drawn
 from geoerr.errors import GeoerrError
 from geoerr.fit import Fitted
+from geoerr.fit.begun_warm import begun_warm
 from geoerr.summaries import listed
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ class Diagnosis(Answer):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What one has to know before trusting it: sentences, without a full stop."""
-        return notes_of(
+        notes = notes_of(
             self.as_it_was,
             self.comparison,
             has_found=bool(self.found) or self.unknown is not None,
@@ -104,6 +105,7 @@ class Diagnosis(Answer):
             other_way=self.other_way,
             has_unread=self.has_unread,
         )
+        return (*notes, *begun_warm(self.as_it_was, [one.term for one in self.found]))
 
     @property
     def takes_part(self) -> bool:

@@ -44,11 +44,15 @@ class Alias:
         Cosine between what the one explains and what the other could.
     is_tied
         Whether these data cannot tell it from the other at all.
+    told_by
+        Of an effect of the measuring device, beside one of the machine: the measurement that tells which of the two
+        it is.
     """
 
     reference: EffectReference
     correlation: float
     is_tied: bool = False
+    told_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,18 @@ class Named(ABC):
     def is_rig(self) -> bool:
         """Whether it is the measuring device's, and so never compensated."""
         return self.term.is_rig
+
+    @property
+    def device_words(self) -> str | None:
+        """Say that the measuring device may do what an effect of the machine does, though with more freedom."""
+        doubts = [one for one in self.aliases if one.told_by is not None and not one.is_tied]
+        if not doubts:
+            return None
+        names = listed([str(one.reference) for one in doubts])
+        told_by = listed(list(dict.fromkeys(one.told_by for one in doubts if one.told_by is not None)))
+        return (
+            f"a fault of the measuring device ({names}) would look the same; before a program is corrected: {told_by}"
+        )
 
     @abstractmethod
     def to_document(self) -> dict[str, Any]:
@@ -247,6 +263,7 @@ class Finding(Named):
             self.held_out_words,
             sure_words(self.p_value),
             "it is the cameras', and never compensated" if self.is_rig else None,
+            self.device_words,
             IN_MODEL if self.in_model else None,
         ]
         return ". ".join(capitalised(text) for text in texts if text)

@@ -41,6 +41,8 @@ from geoerr.terms import EffectReference, Term
 _LISTED = 8
 # A correlation that is worth a word.
 _ALIAS = 0.5
+# And the same from here on, for what is to be done about it.
+_SAME = 0.95
 # The catalogue has one half of the family-wise level, probes the other.
 _HALVES = 2.0
 _INVISIBLE = "not measurable with this plan: the model's own freedom does nearly all that it would do"
@@ -140,7 +142,12 @@ class _Summary:
         one = self.searched.found[place]
         first = reference_of(one.judged)
         aliases = tuple(
-            Alias(reference_of(rival.judged), rival.correlation, self._is_tied(first, rival))
+            Alias(
+                reference_of(rival.judged),
+                rival.correlation,
+                self._is_tied(first, rival),
+                self._told_by(first, rival),
+            )
             for rival in one.rivals
             if rival.correlation > _ALIAS
         )
@@ -181,6 +188,14 @@ class _Summary:
             self._rival(own, rival, settled, earlier)
             for rival, settled in zip(rivals, self.searched.rivals_at_last(own, rivals), strict=True)
         )
+
+    def _told_by(self, first: EffectReference, rival: Rival) -> str | None:
+        """Give what tells an effect of the device from one of the machine that is the same here."""
+        other = reference_of(rival.judged).effect
+        if rival.correlation < _SAME or self.known[first.effect].is_rig or not self.known[other].is_rig:
+            return None
+        separation = self.known.separation(first.effect, other)
+        return None if separation is None else separation.separate_by
 
     def _rival(self, found: Found, rival: Rival, settled: Settled, earlier: Sequence[Settled]) -> Finding:
         name = reference_of(found.judged)

@@ -12,9 +12,9 @@ from typing import Literal
 
 import numpy as np
 
-from geoerr.bases import basis_of
+from geoerr.bases import basis_of, places_for_knots, spline_over
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, is_angular
-from geoerr.fit.sightings import Numbers, Sightings
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES, Machine
 from geoerr.observations import ONE_PLACE
 from geoerr.terms import SQUARENESS_CHANNELS, BasisSpec, Parameter, Part, Term
@@ -179,7 +179,7 @@ def rich_basis(
 ) -> BasisSpec | None:
     """Give the richest basis that the distinct positions (k,) of an axis support; None where it never moved.
 
-    Cubic splines with breakpoints at quantiles of the positions, never more functions than positions; a quarter fewer
+    Cubic splines with knots spread like the positions, never more functions than positions; a quarter fewer
     where nothing is stated of the noise, so that some of the positions are left for it. Of few positions none can be
     spared: where the noise is told by what is left over, they are all followed.
     """
@@ -192,7 +192,7 @@ def rich_basis(
     if count < 5:
         return BasisSpec("polynomial", axis, degree=count - 1, low_mm=low, high_mm=high)
     n_functions = min(count, most)
-    return spline(axis, position_mm, n_functions)
+    return spline_over(axis, position_mm, n_functions)
 
 
 def rich_bases(
@@ -204,7 +204,7 @@ def rich_bases(
     at positions of its own, would be followed one by one.
     """
     is_noise_told = tells_noise(sightings, names, positions_mm)
-    if not sightings.is_stated and _is_scattered(sightings, positions_mm):
+    if not sightings.is_stated and _is_scattered(sightings):
         n_seen = sum(_is_seen(name, sightings, positions_mm) for name in names)
         n_numbers = int(sightings.is_measured.sum())
         most = min(most, max(BENT, n_numbers // (_NUMBERS_OF_A_FUNCTION * max(n_seen, 1))))
@@ -219,9 +219,10 @@ def rich_bases(
     return found
 
 
-def _is_scattered(sightings: Sightings, positions_mm: Mapping[str, Numbers]) -> bool:
+def _is_scattered(sightings: Sightings) -> bool:
     """Tell whether most rows stand at positions of their own along some axis: nothing was measured twice there."""
-    return max(map(len, positions_mm.values()), default=0) > _SCATTERED * len(sightings)
+    positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+    return max(map(len, positions.values())) > _SCATTERED * len(sightings)
 
 
 def _is_seen(name: str, sightings: Sightings, positions_mm: Mapping[str, Numbers]) -> bool:
@@ -234,13 +235,6 @@ def _is_seen(name: str, sightings: Sightings, positions_mm: Mapping[str, Numbers
     if component in "ABC":
         return axis in moves and len(moves) > 1
     return axis in moves and bool(sightings.is_measured[:, "XYZ".index(component)].any())
-
-
-def spline(axis: str, position_mm: Numbers, n_functions: int) -> BasisSpec:
-    """Give a cubic spline with that many functions, breakpoints at quantiles of the distinct positions."""
-    n_pieces = n_functions - 3
-    knots = np.quantile(position_mm, np.linspace(0.0, 1.0, n_pieces + 1))
-    return BasisSpec("bspline", axis, knots_mm=tuple(float(knot) for knot in knots), degree=3)
 
 
 def distinct_positions(position_mm: Numbers, same_mm: float) -> Numbers:
@@ -268,3 +262,9 @@ def positions_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Number
             own[-1] = high
         found[axis] = own
     return found
+
+
+def knot_places_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Numbers]:
+    """Give the positions of each axis that error functions may follow one by one: not all of those side by side."""
+    positions = positions_by_axis(commanded_mm, same_mm)
+    return {axis: places_for_knots(own, MOST_FUNCTIONS) for axis, own in positions.items()}

@@ -75,8 +75,15 @@ def started(fitted: Fitted, term: Term, *, threads: int = 0) -> Term:
 
 
 def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, float]:
-    """Give the same, and by how much the sum of squares falls when it is added to the fit."""
+    """Give the same, and by how much the sum of squares falls when it is added to the fit.
+
+    Of rows that lack what the term needs nothing is known: it is not 0 there, so that the fit is one without them.
+    """
     candidate = _Candidate(fitted, term, threads)
+    lacks = fitted.solved.used & ~candidate.is_known
+    if lacks.any() and not lacks[fitted.solved.used].all():
+        fitted = fitted.again(fitted.terms, used=fitted.solved.used & candidate.is_known)
+        candidate = _Candidate(fitted, term, threads)
     beyond = _Beyond(fitted, candidate, threads)
     moments = _moments(candidate, term)
     every = -(-len(moments) // _MOST_MOMENTS)
@@ -187,7 +194,7 @@ class _Candidate:
         compiled = compile_terms(fitted.machine, (term,))
         variables = variable_columns(sightings, compiled.variables)
         known = complete_rows_of(sightings, compiled.variables, variables, (term,))
-        self.names = list(compiled.variables)
+        self.names, self.is_known = list(compiled.variables), known
         self.n_coefficients, self.inner = len(term.coefficients), term.inner
         self.needs_order = compiled.needs_order
         # What runs along the rows passes over those that lack something.

@@ -19,6 +19,7 @@ from geoerr.errors import GeometryError
 from geoerr.fit.carried import refuse_other_carriers
 from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unread_columns, unused_uncertainties
 from geoerr.fit.counted_twice import counted_twice
+from geoerr.fit.false_readings import without_false_readings
 from geoerr.fit.lengths import sightings_of_lengths
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
@@ -74,7 +75,7 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
     if not parts:
         raise GeometryError("no row has a measured component\nhint: measured positions stand in mx, my and mz")
     parts = weighed(parts)
-    joined = parts[0] if len(parts) == 1 else _joined(parts)
+    joined = without_false_readings(parts[0] if len(parts) == 1 else _joined(parts))
     told = (
         *counted_twice(joined),
         *in_the_way_of_repeats(joined),

@@ -16,9 +16,9 @@ from typing import Literal
 
 import numpy as np
 
-from geoerr.bases import basis_of, candidate_bases
+from geoerr.bases import basis_of, candidate_bases, spline_over
 from geoerr.fit.aliases import Determined, simplified
-from geoerr.fit.classic import is_straightness, spline
+from geoerr.fit.classic import is_straightness
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import BasisSpec, Term
 
@@ -220,7 +220,7 @@ class Ladder:
 
     def _spline(self, axis: str, count: int) -> BasisSpec:
         if (axis, count) not in self._found:
-            self._found[axis, count] = spline(axis, self._positions_mm[axis], count)
+            self._found[axis, count] = spline_over(axis, self._positions_mm[axis], count)
         return self._found[axis, count]
 
     def columns(self, name: str, spec: BasisSpec, places_mm: Numbers) -> Numbers:

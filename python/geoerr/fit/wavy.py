@@ -22,8 +22,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 import numpy as np
 
 from geoerr import _core
-from geoerr.bases import basis_of
-from geoerr.fit.classic import on_basis, positions_by_axis, spline
+from geoerr.bases import basis_of, spline_over
+from geoerr.fit.classic import on_basis, positions_by_axis
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import determined_values, misfit
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
@@ -57,7 +57,7 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
     for term, own in zip(fitted.terms, fitted.compiled.coefficient_slices, strict=True):
         basis = _many_knots(term)
         if basis is not None:
-            plain = spline(basis.axis, positions[basis.axis], _SMOOTH)
+            plain = spline_over(basis.axis, positions[basis.axis], _SMOOTH)
             if _is_wave(fitted, term, own, basis, plain, positions[basis.axis], price):
                 term = on_basis(term, plain)
         terms.append(term)
@@ -121,7 +121,7 @@ def beside_waves(
 def _not_following(rich: BasisSpec, places_mm: Numbers, along: Numbers) -> BasisSpec:
     """Give the richest spline that does not follow a function of places, (n,); `rich` where the fewest follow it."""
     for count in range(rich.n_functions, _FEWEST - 1, -1):
-        basis = rich if count == rich.n_functions else spline(rich.axis, places_mm, count)
+        basis = rich if count == rich.n_functions else spline_over(rich.axis, places_mm, count)
         if not _follow(basis, places_mm, along):
             return basis
     return rich
@@ -162,7 +162,7 @@ def _is_wave(
         return misfit(whiten @ (design @ np.linalg.lstsq(design, columns, rcond=None)[0]), target)
 
     def by_splines(count: int) -> float:
-        return by(basis_of(spline(basis.axis, positions_mm, count)).evaluate(places))[0]
+        return by(basis_of(spline_over(basis.axis, positions_mm, count)).evaluate(places))[0]
 
     smooth = basis_of(plain).evaluate(places)
     alone, rank = by(smooth)

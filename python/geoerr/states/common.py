@@ -14,9 +14,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from geoerr.bases import places_for_knots
 from geoerr.error_functions import NotDetermined
 from geoerr.fit import FitOptions, Fitted, fit_terms, sightings_of
-from geoerr.fit.classic import distinct_positions, names_of, rich_basis, tells_noise
+from geoerr.fit.classic import MOST_FUNCTIONS, distinct_positions, names_of, rich_basis, tells_noise
 from geoerr.fit.knots import choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES, Machine
@@ -28,11 +29,9 @@ from geoerr.terms import BasisSpec
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
 _MOST_ENTRIES = 41
-# Positions nearer than this share of the mean distance hold no spline of their own.
-_CLOSE = 0.5
 # Functions for each position, at most: fewer are tried where some state cannot tell them apart.
 _SHARES = (1.0, 0.7, 0.45)
-_FEWEST_FUNCTIONS, _MOST_FUNCTIONS = 5, 24
+_FEWEST_FUNCTIONS = 5
 
 
 def common_bases(
@@ -59,7 +58,7 @@ def common_bases(
         rich = dict(given)
         for name in names_of("21"):
             found = places[name[2].lower()]
-            most = min(max(round(share * len(found)), _FEWEST_FUNCTIONS), _MOST_FUNCTIONS)
+            most = min(max(round(share * len(found)), _FEWEST_FUNCTIONS), MOST_FUNCTIONS)
             is_noise_told = all(tells_noise(one, names_of("21"), places, most) for one in sightings)
             basis = rich_basis(name[2].lower(), found, is_stated=is_stated, is_noise_told=is_noise_told, most=most)
             if name not in rich and basis is not None:
@@ -99,22 +98,9 @@ def _places(sightings: Sightings, axis: str) -> Numbers:
     np.minimum.at(low, sightings.pass_number, along)
     np.maximum.at(high, sightings.pass_number, along)
     moves = (high - low > SAME_POSITION_MM)[sightings.pass_number]
-    return _apart(distinct_positions(along[moves] if moves.any() else along, SAME_POSITION_MM))
-
-
-def _apart(position_mm: Numbers) -> Numbers:
-    """Leave out positions much closer to the one before than the others are: a spline between them hangs in the air.
-
-    The ends stay.
-    """
-    if len(position_mm) < 3:
-        return position_mm
-    least = _CLOSE * float(position_mm[-1] - position_mm[0]) / (len(position_mm) - 1)
-    kept = [float(position_mm[0])]
-    for place in position_mm[1:-1].tolist():
-        if place - kept[-1] >= least and float(position_mm[-1]) - place >= least:
-            kept.append(place)
-    return np.array([*kept, float(position_mm[-1])])
+    return places_for_knots(
+        distinct_positions(along[moves] if moves.any() else along, SAME_POSITION_MM), MOST_FUNCTIONS
+    )
 
 
 def functions_of(machine: Machine, fits: Sequence[Fitted], position_mm: Mapping[str, Numbers]) -> Functions:
