@@ -73,6 +73,19 @@ def test_a_plate_that_moved_is_told_with_when_and_how_far(number: int, after: fl
     assert f"between rows {sightings.source_row[moved.last] + 1} and {np.flatnonzero(rows)[0] + 1}" in told
 
 
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("after", [0.35, 0.5, 0.62])
+def test_the_moment_is_told_where_only_one_line_is_come_back_to(seed: int, after: float) -> None:
+    """Between its two visits every moment leaves as much; how the target stood to the others tells which."""
+    observations = measured(seed)
+    repeat, lines = observations.numbers("repeat")[:, 0], np.array(observations.texts("line"))
+    seldom = observations.select((repeat == 0) | np.char.startswith(lines.astype(str), "L0"))
+    rows = of_target(seldom, "tool", 2) & (np.arange(len(seldom)) >= after * len(seldom))
+    sightings = sightings_of(displaced(seldom, rows, 0.5 * in_plane(seldom, "tool", 2)))
+    (moved,) = moved_targets(sightings)
+    assert sorted(sightings.source_row[moved.rows].tolist()) == np.flatnonzero(rows).tolist()
+
+
 def test_the_model_is_that_of_the_plate_that_stayed() -> None:
     observations = measured(2)
     rows = of_target(observations, "work", 1) & (np.arange(len(observations)) >= 0.6 * len(observations))

@@ -44,6 +44,8 @@ _FLAT = 0.05
 _ROUND_OFF = 1e-15
 # Places that are visited before and after, rows on either side of a fixed target, and others to compare with.
 _LEAST_PLACES, _LEAST_ROWS, _LEAST_OTHERS = 4, 5, 2
+# Numbers that say how a carrier turns from place to place.
+_OF_PLACES = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +143,60 @@ def _clearest(sightings: Sightings, visits: dict[int, _Visits]) -> MovedTarget |
             clear.append((own.gain[place - 1] / own.left(place), number, place))
     if not clear:
         return None
-    _, number, place = max(clear)
+    _, number, found = max(clear)
     own = visits[number]
-    return MovedTarget(own.rows[place:], int(own.rows[place - 1]), own.jump_mm(place))
+    place = _moment(sightings, [one for other, one in visits.items() if other != number], own, found)
+    return MovedTarget(own.rows[place:], int(own.rows[place - 1]), own.jump_mm(found))
+
+
+def _moment(sightings: Sightings, others: Sequence[_Visits], own: _Visits, place: int) -> int:
+    """Give where a target jumped, which visits leave open where only few places are come back to.
+
+    How it stands to others on its carrier, at every look at all, knows no places: the jump is in it, and of the
+    machine how the carrier turns from place to place. Both count by what they leave.
+    """
+    relative = _beside_others(sightings, own, [one for one in others if one.carrier == own.carrier])
+    seen = np.flatnonzero(np.isfinite(relative).all(axis=1))
+    dof = 3 * (len(seen) - _OF_PLACES)
+    if own.is_fixed or len(seen) < 2 * _OF_PLACES:
+        return place
+    # Cubics of each axis.
+    q = sightings.commanded_mm[own.rows[seen]]
+    q = (q - q.mean(axis=0)) / np.maximum(np.ptp(q, axis=0), SAME_POSITION_MM)
+    turned = np.linalg.qr(np.column_stack([np.ones(len(q)), q, q**2, q**3]))[0]
+    left = relative[seen] - turned @ (turned.T @ relative[seen])
+    # |P (r − 1[i ≥ k] d)|² for every k at once: P takes the cubics out, and sums run from behind.
+    behind = np.cumsum(np.column_stack([left, turned])[::-1], axis=0)[::-1]
+    by_mm, count = own.jump_mm(place), np.arange(len(seen), 0, -1)
+    rest = (left**2).sum() - 2.0 * behind[:, :3] @ by_mm
+    rest += (by_mm @ by_mm) * (count - (behind[:, 3:] ** 2).sum(axis=1))
+    is_open = [own.is_comparable(int(one)) for one in seen]
+    if not any(is_open) or not rest[is_open].min() > 0.0:
+        return place
+    moments, rest = seen[is_open], rest[is_open]
+    likely = own.gain[moments - 1] / own.left(place) - rest * dof / rest.min()
+    return int(moments[np.argmax(likely)])
+
+
+def _beside_others(sightings: Sightings, own: _Visits, others: Sequence[_Visits]) -> Numbers:
+    """Give where a target stands to the mean of others that were seen with it, (n, 3); NaN where none was."""
+    total, count = np.zeros((len(own.rows), 3)), np.zeros(len(own.rows))
+    here = sightings.commanded_mm[own.rows]
+    for one in others:
+        # The row of the same look is a neighbour in the table.
+        behind = np.searchsorted(one.rows, own.rows)
+        near = np.stack([np.clip(behind - 1, 0, len(one.rows) - 1), np.clip(behind, 0, len(one.rows) - 1)])
+        off = np.abs(one.rows[near] - own.rows)
+        there = np.abs(sightings.commanded_mm[one.rows[near]] - here).max(axis=2)
+        off = np.where(there <= SAME_POSITION_MM, off, len(sightings))
+        row = one.rows[np.take_along_axis(near, np.argmin(off, axis=0)[None], axis=0)[0]]
+        is_seen = off.min(axis=0) < len(sightings)
+        total[is_seen] += sightings.measured_mm[row[is_seen]]
+        count[is_seen] += 1.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # A mean of others than before would be another place.
+        mean = np.where((count == len(others))[:, None], total / count[:, None], np.nan)
+    return np.asarray(sightings.measured_mm[own.rows] - mean)
 
 
 def _moved_alone(sightings: Sightings, visits: dict[int, _Visits], number: int, moment: int) -> bool:
