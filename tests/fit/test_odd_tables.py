@@ -81,9 +81,11 @@ def test_how_much_too_small_an_expansion_comes_out_is_told() -> None:
 
 
 def test_a_heater_that_is_switched_does_not_scatter() -> None:
-    """Steps between set points are no scatter of a sensor, nor are readings that are held for some rows."""
+    """Steps between set points are no scatter of a sensor, nor a curve, nor readings that are held for some rows."""
     switched = np.repeat([60.0, 62.0, 60.0, 61.0], 16)
     assert not notes_of(table(temp_bed=switched), "scatters")
+    few_rows = 60.0 - 30.0 * np.exp(-np.linspace(0.0, 6.0, 64))
+    assert not notes_of(table(temp_bed=few_rows), "scatters")
     held = np.repeat(np.linspace(60.0, 62.0, 16), 4)
     assert not notes_of(table(temp_bed=held), "scatters")
 

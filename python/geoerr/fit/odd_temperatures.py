@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from geoerr.column_names import is_temperature
-from geoerr.fit.sightings import Sightings
+from geoerr.fit.sightings import Numbers, Sightings
 
 _KELVIN_DEGC = 273.15
 # Rooms, beds and frames, as a thermometer in kelvins has them. What is as hot in degrees melts filament.
@@ -24,6 +24,8 @@ _FEWEST_ROWS = 30
 # The share of second differences that the scatter is told from, and how many standard deviations of theirs, which is
 # √6 of a reading's, the largest of so many has. The others are jumps, of a heater that is switched.
 _BELOW, _AT = 0.9, 1.6449
+# How large one may be, in standard deviations of a reading, and half of what each takes back of the one before.
+_MOST_BENT, _TAKEN_BACK = 6.0, 1.0 / 3.0
 
 
 def odd_temperatures(sightings: Sightings) -> Iterator[str]:
@@ -41,6 +43,19 @@ def odd_temperatures(sightings: Sightings) -> Iterator[str]:
         yield from _scattered(name, sightings)
 
 
+def _go_up_and_down(bends_k: Sequence[Numbers], most_k: float) -> bool:
+    """Tell second differences of scatter, of which each takes back two thirds of the one before, from a curve's.
+
+    Parameters
+    ----------
+    most_k
+        Those of a jump are as large; they count as no more.
+    """
+    bends_k = [np.clip(own_k, -most_k, most_k) for own_k in bends_k]
+    taken_back = sum(float(own_k[1:] @ own_k[:-1]) for own_k in bends_k)
+    return taken_back < -_TAKEN_BACK * sum(float(own_k @ own_k) for own_k in bends_k)
+
+
 def _scattered(name: str, sightings: Sightings) -> Iterator[str]:
     """Say by how much readings scatter, and what that does to what follows them.
 
@@ -52,8 +67,10 @@ def _scattered(name: str, sightings: Sightings) -> Iterator[str]:
     sessions = [own_k for own_k in sessions if len(own_k) >= _FEWEST_ROWS]
     if not sessions:
         return
-    bends_k = np.abs(np.concatenate([np.diff(own_k, n=2) for own_k in sessions]))
-    scatter_k = float(np.quantile(bends_k, _BELOW)) / (_AT * math.sqrt(6.0))
+    bends_k = [np.diff(own_k, n=2) for own_k in sessions]
+    scatter_k = float(np.quantile(np.abs(np.concatenate(bends_k)), _BELOW)) / (_AT * math.sqrt(6.0))
+    if not _go_up_and_down(bends_k, _MOST_BENT * scatter_k):
+        return
     all_k = np.concatenate(sessions)
     share = scatter_k**2 / float(all_k.var()) if np.ptp(all_k) > 0.0 else 0.0
     if _LEAST_SCATTER < share < _MOST_SCATTER:
