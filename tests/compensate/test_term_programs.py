@@ -153,6 +153,23 @@ def test_a_reversal_begins_with_a_piece_that_extrudes_nothing():
     assert [warning.kind for warning in result.warnings] == ["direction-unknown"]
 
 
+@pytest.mark.parametrize(("rise_mm", "line"), [(-0.004, None), (0.004, None), (0.06, 3), (-0.06, 7)])
+def test_a_correction_that_turns_an_axis_at_rest_is_told(rise_mm, line):
+    """X came from below. On the way along Y, up or down, it is moved back: its play is crossed there."""
+    of = machine("wbXYZt")
+    # Along 290 mm; x is moved against the error.
+    lean = rise_mm / 290.0
+    model = Model(of, None, (term(of, "backlash:x", b=0.02), term(of, "squareness:xy", S=-lean)))
+    program = b"G1 X10 Y10 Z5\nG1 X100\nG1 Y100 ; up\nG1 Y200\nG1 Y300\nG1 X120\nG1 Y10\n"
+    written, result = compensate_bytes(model, program)
+    told = [warning for warning in result.warnings if warning.kind == "turned-at-rest"]
+    commands = groups(written.decode())[0]
+    up = commands[(commands[:, 1] > 10.0) & (np.abs(commands[:, 0] - 100.0) < 1.0)][:, 0]
+    assert (up[-1] - up[0]) * rise_mm < 0.0
+    # Once for a rest, where it has gone back by more than the tolerance.
+    assert [(one.line, one.count) for one in told] == ([] if line is None else [(line, 1)])
+
+
 def test_wind_up_is_followed_along_the_move(tmp_path):
     of = machine()
     model = Model(of, None, (term(of, "reversal-windup:x", b=0.06, **{"lambda": 4.0}),))

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 
 from geoerr.fit.beside_effects import on_bases, with_inner_held
 from geoerr.fit.classic import knot_places_by_axis, rich_bases
-from geoerr.fit.fit import has_run_away
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
+from geoerr.fit.run_away import run_away
 from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
 from geoerr.fit.wavy import beside_waves
 from geoerr.terms import BasisSpec, Term
@@ -57,7 +57,7 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
     terms = on_bases([with_inner_held(term) for term in fitted.terms], rich)
     # On the rows that were found not to be gross.
     free = fitted.again(terms, used=fitted.solved.used)
-    if has_run_away(free):
+    if run_away(free):
         free = fitted.again(terms, used=fitted.solved.used, one_step=True)
     if not math.isfinite(free.scale):
         # So much freedom leaves nothing over to choose by.

@@ -41,8 +41,10 @@ from geoerr.fit.jumps import jump_errors
 from geoerr.fit.knots import Family, KnotChoice, choose_bases
 from geoerr.fit.lengths import is_told, middles_of_lengths
 from geoerr.fit.noise import is_static
+from geoerr.fit.overfitted import with_fewer
 from geoerr.fit.rich import determined_bases
 from geoerr.fit.rolls import Rolls, held_rolls, levers, turned
+from geoerr.fit.run_away import run_away
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
@@ -63,8 +65,6 @@ Freedom = Literal["knots", "smooth", "elements"]
 _MOST_ROLLS = 30
 # A formula's values below this, in mm and rad, are what is left of sums that cancel.
 _ROUND_OFF = 1e-9
-# A standard uncertainty beyond this is no knowledge of a machine's error: 3 mm, 20 mrad.
-_ABSURD = {"mm": 3.0, "rad": 0.02}
 # Less probable than this, scatter beyond the stated uncertainties is not chance, and they are scaled (Birge).
 _SIGNIFICANCE = 0.01
 
@@ -177,7 +177,7 @@ def fit_terms(
     undecided = [term for term in classic_on(found) if term.id in rich and term.id not in given]
     # Where something is hardly determined its value runs away, and drags along its products with others. To choose
     # by, the first step is enough: at that order what is not seen has no effect.
-    one_step = bool(undecided) and has_run_away(fitted)
+    one_step = bool(undecided) and bool(run_away(fitted))
     if one_step:
         fitted = posed.fit((*classic_on(found), *known), one_step=True)
     unknown = [effect for effect in effects if has_unknown_inner(effect)]
@@ -201,19 +201,14 @@ def fit_terms(
         choices = choose_bases(
             undecided, fitted.terms, fitted.covariance_by_scatter, fitted.null_space, positions, family
         )
-        chosen = {**rich, **{choice.name: choice.basis for choice in choices}}
-        fitted = posed.fit((*classic_on(chosen), *_with_starts(effects, fitted.terms)))
+        begun = _with_starts(effects, fitted.terms)
+
+        def fit_with(bases: Mapping[str, BasisSpec]) -> Fitted:
+            return posed.fit((*classic_on(bases), *begun))
+
+        fitted = fit_with({choice.name: choice.basis for choice in choices})
+        fitted, choices = with_fewer(fitted, choices, positions, fit_with)
     return replace(fitted, choices=choices)
-
-
-def has_run_away(fitted: Fitted) -> bool:
-    """Tell whether some error is less certain than errors of machines are large."""
-    return any(
-        parameter.std > _ABSURD[parameter.unit]
-        for term in fitted.terms
-        if term.kind == "classic"
-        for parameter in term.coefficients
-    )
 
 
 def refit(fitted: Fitted, terms: Sequence[Term]) -> Fitted:

@@ -12,6 +12,7 @@ import numpy as np
 
 from geoerr.fit.classic import BENT, MOST_FUNCTIONS, rich_bases
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.run_away import run_away
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.terms import BasisSpec
@@ -53,7 +54,8 @@ def determined_bases(
 
 
 def _n_open(fitted: Fitted, names: Mapping[str, BasisSpec]) -> int:
-    return sum(name in names for name in fitted.undetermined.names)
+    """Count the functions that nothing determines, or hardly anything."""
+    return len({*fitted.undetermined.names, *run_away(fitted)} & set(names))
 
 
 def _between(

@@ -8,6 +8,7 @@ use super::options::{OnUnsupported, Options};
 use super::path::{Closeness, Node, SplitError};
 use super::reader::{AXIS_LETTERS, Move};
 use super::report::{Summary, WarningKind, Warnings, excerpt};
+use super::resting::Resting;
 use super::unsupported::Unsupported;
 use super::writer::{SourceLine, Writer};
 
@@ -28,6 +29,9 @@ pub struct BlockWriter {
     /// Where commands may go, (low, high), by words in millimetres and in inches.
     reach_mm: [[(f64, f64); 3]; 2],
     is_marked: bool,
+    /// Axes whose direction the machine's errors follow.
+    has_direction: [bool; 3],
+    resting: Resting,
     usual_ending: Vec<u8>,
     /// Square of the largest correction.
     largest_mm2: f64,
@@ -38,8 +42,8 @@ pub struct BlockWriter {
 }
 
 impl BlockWriter {
-    /// At the begin of a program.
-    pub fn new(options: &Options) -> Self {
+    /// At the begin of a program, for a machine whose errors follow the directions of these axes.
+    pub fn new(options: &Options, has_direction: [bool; 3]) -> Self {
         let reach = |is_inch| {
             // What is printed as the end of the range is in it.
             let slack_mm = options.half_step_mm(is_inch);
@@ -50,6 +54,8 @@ impl BlockWriter {
             draft: Draft::default(),
             reach_mm: [reach(false), reach(true)],
             is_marked: false,
+            has_direction,
+            resting: Resting::default(),
             usual_ending: b"\n".to_vec(),
             largest_mm2: 0.0,
             warnings: Warnings::default(),
@@ -113,6 +119,11 @@ impl BlockWriter {
                             return Err(refused(SplitError::NotSolved(f64::NAN), line, body));
                         }
                     };
+                    if let Some(course) = block.courses.get(index)
+                        && self.resting.is_turned(course, nodes, self.has_direction, options.tolerance_mm)
+                    {
+                        self.warnings.add(WarningKind::TurnedAtRest, line, body);
+                    }
                     let source = SourceLine { body, text: block.from(item), ending, usual_ending: &[] };
                     let outgoing = Outgoing { line, source, a_move, comments_in_parentheses };
                     self.write_move(&outgoing, nodes, options)?;

@@ -40,6 +40,7 @@ pub mod path;
 mod plain;
 mod reader;
 mod report;
+mod resting;
 mod rewriter;
 mod shares;
 mod solver;

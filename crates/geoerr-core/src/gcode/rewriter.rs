@@ -60,7 +60,7 @@ impl<M: PathMap + Send> Rewriter<M> {
         Ok(Self {
             reader: BlockReader::new(options.clone(), &map),
             solver: Solver::new(&map, &options),
-            writer: BlockWriter::new(&options),
+            writer: BlockWriter::new(&options, map.needs().direction),
             map,
             options,
             lines: Lines::default(),
