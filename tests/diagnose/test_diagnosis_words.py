@@ -60,6 +60,16 @@ def test_what_physics_says(value: float, std: float, sign: int, words: str) -> N
     assert plausibility_words(Parameter("alpha", "1/K", value, std, STEEL), sign) == words
 
 
+def test_beside_a_bound_a_value_is_not_compared() -> None:
+    """Where the fixed point is outside the axis the expansion comes out 25 standard errors too large."""
+    alpha = Parameter("alpha", "1/K", 20.99e-6, 0.16e-6, STEEL)
+    inside, at_end = (Parameter("q_fixed", "mm", value, 1.0, (), 0.0, 250.0) for value in (120.0, 250.0))
+    assert plausibility_words(alpha, inner=[inside]) == "no known value: the nearest is 23.4, aluminium"
+    words = "not to be compared with known values: q_fixed is at the end of its range"
+    assert plausibility_words(alpha, inner=[at_end]) == words
+    assert plausibility_words(at_end, inner=[at_end]) is None
+
+
 @pytest.mark.parametrize(
     ("parameter", "words"),
     [

@@ -90,6 +90,18 @@ def test_a_heater_that_is_switched_does_not_scatter() -> None:
     assert not notes_of(table(temp_bed=held), "scatters")
 
 
+@pytest.mark.parametrize(("sign", "is_told"), [(1, False), (-1, True)])
+def test_a_direction_whose_sign_is_exchanged_is_told(sign: int, is_told: bool) -> None:
+    """Play of 8 µm was −8 ± 0.2, and would have been doubled."""
+    place = np.tile(np.concatenate([np.linspace(0.0, 300.0, 11), np.linspace(300.0, 0.0, 11)]), 5)
+    way = np.tile(np.repeat([1, -1], 11), 5)
+    columns: dict[str, object] = {"carrier": ["relative"] * 110, "repeat": np.repeat(np.arange(5), 22)}
+    columns |= {"x": place, "y": np.zeros(110), "z": np.zeros(110), "mx": place - 0.004 * way, "dir_x": sign * way}
+    assert bool(notes_of(observations_from_columns(columns), "its sign is exchanged")) is is_told
+    one_sided = observations_from_columns(columns | {"dir_x": np.full(110, sign)})
+    assert not notes_of(one_sided, "its sign is exchanged")
+
+
 def test_a_coarse_dial_that_is_read_from_both_sides_counts_once() -> None:
     """Within a repeat its rows there and back are alike, digit for digit, and came from either side."""
     place = np.tile(np.concatenate([np.arange(0.0, 300.0, 30.0), np.arange(270.0, -30.0, -30.0)]), 3)

@@ -44,6 +44,23 @@ def test_times_of_a_session_stay_as_they_are(begin_s: float) -> None:
     assert not told(sightings)
 
 
+@pytest.mark.parametrize(("days", "is_told"), [(1, False), (2, True), (3, True)])
+def test_a_clock_that_begins_again_in_one_session_is_told(days: int, is_told: bool) -> None:
+    """Rows of three days came one between the other, and what they differ by had names."""
+    n = days * N
+    places = np.random.default_rng(1).uniform(0.0, 300.0, (n, 3))
+    columns: dict[str, object] = {"t": np.tile(np.linspace(0.0, 600.0, N), days)}
+    for k, axis in enumerate("xyz"):
+        columns |= {axis: places[:, k], f"m{axis}": places[:, k]}
+    notes = [note for note in sightings_of(observations_from_columns(columns)).notes if "begins again" in note]
+    assert bool(notes) is is_told
+    mixed = np.random.default_rng(2).permutation(n)
+    shuffled = observations_from_columns({name: np.asarray(own)[mixed] for name, own in columns.items()})
+    assert not any("begins again" in note for note in sightings_of(shuffled).notes)
+    named = observations_from_columns(columns | {"session": np.repeat(np.arange(days), N).astype(str).tolist()})
+    assert not any("begins again" in note for note in sightings_of(named).notes)
+
+
 def test_a_time_of_day_is_told() -> None:
     (note,) = told(seen(36_000.0, 43_200.0))
     assert note.startswith("the time t begins at 36000 s in a session of 600 s")

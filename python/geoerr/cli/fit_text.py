@@ -212,7 +212,7 @@ def _parameter_rows(term: Term, fitted: Fitted) -> Iterator[str]:
     for parameter in (*term.coefficients, *term.inner):
         moment = moments.get(parameter.name)
         read = parameter if moment is None else replace(parameter, unit=moment.unit)
-        words = plausibility_words(parameter) if moment is None else moment.words()
+        words = plausibility_words(parameter, inner=term.inner) if moment is None else moment.words()
         others = f", or {alike_words(alike[parameter.name], read.unit)}" if parameter.name in alike else ""
         yield from wrapped(bounded_value_words(read) + ("" if words is None else f" ({words})") + others, "    ")
 

@@ -240,7 +240,7 @@ class Finding(Named):
             words = moment.words() if moment is not None else None
             if moment is None and not self.in_model:
                 # What physics says of a value it does not say of a difference.
-                words = plausibility_words(parameter, signs.get(parameter.name, 0))
+                words = plausibility_words(parameter, signs.get(parameter.name, 0), self.term.inner)
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:
                 texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"

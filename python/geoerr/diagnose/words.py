@@ -61,18 +61,24 @@ def is_open(parameter: Parameter) -> bool:
     return math.isfinite(parameter.value) and math.isnan(parameter.std)
 
 
-def plausibility_words(parameter: Parameter, sign: int = 0) -> str | None:
+def plausibility_words(parameter: Parameter, sign: int = 0, inner: Sequence[Parameter] = ()) -> str | None:
     """Say whether physics would give the value, or such a size is usual; None where nothing is known of it.
 
     Parameters
     ----------
     sign
         +1 or −1 where physics allows that sign only.
+    inner
+        The inner parameters of its term. Beside one that is at the end of its range a value is another than it would
+        be with the right one.
     """
     if has_wrong_sign(parameter, sign):
         return f"not physical: it cannot be {'negative' if sign > 0 else 'positive'}"
     if not parameter.plausible or not math.isfinite(parameter.value):
         return None
+    bounds = [one.name for one in inner if one.name != parameter.name and is_at_an_end(one)]
+    if bounds:
+        return f"not to be compared with known values: {listed(bounds)} is at the end of its range"
     unit, factor = _read_in(parameter)
     match = plausible_match(parameter)
     if match is not None:

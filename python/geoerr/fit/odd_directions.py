@@ -13,6 +13,8 @@ from geoerr.summaries import counted
 
 # A plan that approaches some places from beyond does so in more rows.
 _FEW = 0.02
+# A sign that is exchanged is so in nearly all rows that have a way there, and there are so many.
+_NEARLY_ALL, _FEWEST = 0.9, 20
 
 
 def odd_rows(sightings: Sightings) -> dict[str, npt.NDArray[np.bool_]]:
@@ -44,3 +46,21 @@ def odd_directions(sightings: Sightings) -> Iterator[str]:
             "against the way there and unlike the rows before and behind: if it is a slip, mend it; a search for "
             "what is missing goes on without such rows, of which one would hide a play"
         )
+    yield from _exchanged(sightings)
+
+
+def _exchanged(sightings: Sightings) -> Iterator[str]:
+    """Say of which axis the file has nearly all rows come against the way there, both ways."""
+    goes_on = np.diff(sightings.pass_number) == 0
+    for number, axis in enumerate(AXES):
+        stated = sightings.numbers(f"dir_{axis}")[1:]
+        way = np.sign(np.diff(sightings.commanded_mm[:, number]))
+        shares = []
+        for sign in (-1.0, 1.0):
+            told = goes_on & (way == sign) & np.isfinite(stated)
+            shares.append(float((stated[told] == -sign).mean()) if told.sum() >= _FEWEST else 0.0)
+        if min(shares) > _NEARLY_ALL:
+            yield (
+                f"dir_{axis} is against the way there in nearly all rows, both ways: +1 is where {axis} has grown; "
+                "unless every place was approached from beyond its sign is exchanged, and play comes out negative"
+            )

@@ -12,6 +12,8 @@ from geoerr.summaries import counted
 # A session that begins after so many times its own duration shows less of what has drifted since its clock began than
 # the share of which nothing is said.
 _LATE = 10.0
+# A session has so many rows at least, and its clock begins in this first part of the longest.
+_ROWS_OF_A_SESSION, _BEGIN = 10, 0.1
 
 
 def odd_times(sightings: Sightings) -> Iterator[str]:
@@ -29,6 +31,7 @@ def odd_times(sightings: Sightings) -> Iterator[str]:
             "the session's begin; what warms up or drifts with time would be done long before, and is not found "
             "(subtract the first t of each session)"
         )
+    yield from _begun_again(sightings, rows_of, times_s)
     for rows, own_s in zip(rows_of, sessions, strict=True):
         n_empty = int(np.isnan(own_s).sum())
         if 0 < n_empty < len(own_s):
@@ -36,6 +39,28 @@ def odd_times(sightings: Sightings) -> Iterator[str]:
                 f"the time t is empty in {n_empty} of {counted(len(own_s), 'row')} of session "
                 f"{sightings.sessions[sightings.session[rows.start]]!r}: it does not order them, and what follows "
                 "from their order (directions, travel, drift) is as the table has it; fill it in"
+            )
+            return
+
+
+def _begun_again(sightings: Sightings, rows_of: list[slice], times_s: Numbers) -> Iterator[str]:
+    """Say so where the clock of a session begins again further down in its file: two sessions, told as one."""
+    file_row = sightings.numbers("file_row")
+    for rows in rows_of:
+        as_written_s = times_s[rows][np.argsort(file_row[rows], kind="stable")]
+        duration_s = float(np.ptp(as_written_s))
+        falls = np.flatnonzero(np.diff(as_written_s) < 0.0)
+        begins_s = as_written_s[falls + 1] - as_written_s.min()
+        # Rows in any other order fall everywhere, and from anywhere.
+        if (
+            0 < len(falls) <= max(len(as_written_s) // _ROWS_OF_A_SESSION, 1)
+            and (begins_s < _BEGIN * duration_s).all()
+        ):
+            name = sightings.sessions[sightings.session[rows.start]]
+            yield (
+                f"the time t of session {name!r} begins again {counted(len(falls), 'time')} further down its file: "
+                "its rows count as one session, and those of one time as measured together; if cameras or the work "
+                "were set up anew give each a name in the column session"
             )
             return
 

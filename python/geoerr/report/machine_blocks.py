@@ -123,7 +123,7 @@ def effect_blocks(model: Model) -> tuple[Block, ...]:
             term.id,
             term.title + (" (of the measuring rig: never compensated)" if term.is_rig else ""),
             "not fitted yet" if math.isnan(parameter.value) else value_words(parameter),
-            plausibility_words(parameter) or "",
+            plausibility_words(parameter, inner=term.inner) or "",
         )
         for term in model.terms
         if term.kind != "classic"
