@@ -58,9 +58,9 @@ def advise(
     forms.sort(key=lambda own: own[0].id not in references)
     companies = _companies(first)
     candidates: list[Sequence[Term] | Company] = [forms[0], *companies, *forms[1:]]
-    return separation_for(
-        first.looked.space, candidates[: max(_MOST, 1 + len(companies))], known=known, margin=margin
-    )
+    candidates = candidates[: max(_MOST, 1 + len(companies))]
+    tied_now = [n for n, one in enumerate(candidates) if isinstance(one, Company) or one[0].id in references]
+    return separation_for(first.looked.space, candidates, tied_now=tied_now, known=known, margin=margin)
 
 
 def _companies(first: Found) -> list[Company]:
@@ -81,6 +81,7 @@ def separation_for(
     candidates: Sequence[Term | Sequence[Term] | Company],
     *,
     added: Sequence[Term] = (),
+    tied_now: Sequence[int] = (),
     known: Catalogue | None = None,
     margin: float = MARGIN,
     acceleration_mm_s2: float | None = None,
@@ -100,6 +101,9 @@ def separation_for(
         fits best first; those that are one candidate only together as a `Company`.
     added
         Effects that were found before, and count as the model's own.
+    tied_now
+        Candidates, by their place, that the report cannot tell apart now: where nothing tells enough of all apart
+        these come first. None: all alike.
     known
         The catalogue; the built-in one if not said.
     margin
@@ -118,6 +122,9 @@ def separation_for(
         return _by_catalogue(firsts_of(candidates), known or catalogue())
     adviser = Adviser(space, candidates, added=added, acceleration_mm_s2=acceleration_mm_s2, threads=threads)
     advice = adviser.separation(margin=margin)
+    if len(tied_now) > 1 and not advice.is_enough:
+        nearer = adviser.separation(tied_now, margin=margin)
+        advice = nearer if nearer.plan is not None else advice
     if advice.plan is not None:
         return advice
     said = _by_catalogue(adviser.firsts, known or catalogue())

@@ -84,6 +84,11 @@ class Advice(Separation):
     contained: tuple[tuple[str, str], ...] = ()
     alternatives: tuple[Alternative, ...] = ()
 
+    @property
+    def is_enough(self) -> bool:
+        """Whether it separates nearly all cases that can be told apart."""
+        return self.separated_share is not None and self.separated_share >= _ENOUGH
+
 
 @dataclass(frozen=True, eq=False)
 class _Option:
