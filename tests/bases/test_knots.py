@@ -50,6 +50,35 @@ def test_places_that_are_scattered_about_a_few_are_these() -> None:
     assert len(places_for_knots(scattered, MOST)) == 11
 
 
+def test_a_part_that_is_measured_finely_keeps_its_places() -> None:
+    """A screw that is worn where it works: of 26 places in its first 50 mm three were left, and 9 µm went unseen."""
+    worn = np.concatenate([np.arange(0.0, 51.0, 2.0), np.arange(100.0, 401.0, 50.0)])
+    places = places_for_knots(worn, MOST)
+    assert (places <= 50.0).sum() >= 10
+    for count in range(5, min(len(places), MOST) + 1):
+        assert swing_of(spline_over("x", places, count), worn) < 5.0
+
+
+@pytest.mark.parametrize("gap_mm", [50.0, 100.0, 200.0])
+def test_a_gap_in_the_plan_leaves_the_rest_its_places(gap_mm: float) -> None:
+    step = np.arange(0.0, 101.0, 10.0)
+    both = np.concatenate([step, 100.0 + gap_mm + step])
+    places = places_for_knots(both, MOST)
+    assert len(places) >= 8
+    # In proportion to the gap, beyond four of those of 10 mm.
+    assert swing_of(spline_over("x", places, len(places)), both) < 5.0 * gap_mm / 40.0 + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("count", [6, 9, 14, 24, 40])
+def test_any_positions_have_calm_splines(count: int, seed: int) -> None:
+    own = np.sort(np.random.default_rng(seed).uniform(0.0, 300.0, count))
+    places = places_for_knots(own, MOST)
+    for n_functions in range(5, min(len(places), MOST) + 1):
+        # Gaps of any width, and of fewer functions than the most some swing a little more.
+        assert swing_of(spline_over("x", places, n_functions), own) < 12.0
+
+
 def test_swing_is_the_largest_that_errors_of_one_make() -> None:
     """By what it means: of all values ±1 at positions, those that push a place farthest."""
     places = np.array([0.0, 1.0, 10.0, 20.0, 31.0, 40.0])

@@ -19,7 +19,7 @@ def _fitted(times: float, seed: int = 2) -> Fitted:
     return fit_terms(machine(), [Observations(rows.frame.with_columns(**stated))], options=FitOptions(threads=1))
 
 
-@pytest.mark.parametrize("times", [3.0, 8.0])
+@pytest.mark.parametrize("times", [3.0, 8.0, 25.0])
 def test_functions_are_as_fine_as_with_what_is_right(times: float) -> None:
     right, large = _fitted(1.0), _fitted(times)
     assert large.scatter == pytest.approx(1.0 / times, rel=0.03)
@@ -33,8 +33,8 @@ def test_functions_are_as_fine_as_with_what_is_right(times: float) -> None:
 
 
 def test_nothing_is_missing_where_nothing_is() -> None:
-    found = diagnose(_fitted(8.0), threads=1)
-    assert found.verdict == "nothing-missing"
+    for times in (8.0, 25.0):
+        assert diagnose(_fitted(times), threads=1).verdict == "nothing-missing"
 
 
 def test_what_is_stated_right_stays_its_own_measure() -> None:

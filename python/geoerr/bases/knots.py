@@ -5,7 +5,7 @@ them larger by the swing of the basis: with w(q) the weights of the values in th
 
     swing = max_q Σ_i |w_i(q)|
 
-It is 1.6 to 3 of knots that are spread like the positions, and 300 of a knot for each of two positions that lie side
+It is 2 to 4 of knots that are spread like even positions, and 300 of a knot for each of two positions that lie side
 by side, with a gap beside them: a slope over 1 mm reaches 30 mm far.
 """
 
@@ -24,11 +24,10 @@ Numbers = npt.NDArray[np.float64]
 _CUBIC = 3
 # Between two positions there is nothing but a line.
 _FEWEST = 3
-# A cubic through five positions that are spread evenly has 1.9, and with one of them anywhere near its place 3.
-_MOST_SWING = 5.0
-# Positions that are nearer to each other than this share of their mean distance count as one place: as few shares as
-# leave the basis calm.
-_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5)
+# What is allowed: a little more than the 4 of even positions. Where a plan leaves a gap that is wider than so many
+# usual ones nobody expects as much of it, and it is more in proportion: a quarter of the way is in gaps no wider than
+# a usual one.
+_MOST_SWING, _WIDE, _USUAL = 5.0, 4.0, 0.25
 # Between two positions the swing is looked for at so many places, and of many positions as many stand for all as four
 # times the functions.
 _BETWEEN, _POSITIONS_OF_A_FUNCTION = 4, 4
@@ -56,29 +55,39 @@ def spline_over(axis: str, place_mm: Numbers, n_functions: int) -> BasisSpec:
 
 def swing_of(spec: BasisSpec, position_mm: Numbers) -> float:
     """Give how much larger a function may be between positions (n,) than at them, told by values there."""
-    basis = basis_of(spec)
-    between = np.linspace(0.0, len(position_mm) - 1.0, _BETWEEN * (len(position_mm) - 1) + 1)
-    asked = np.interp(between, np.arange(len(position_mm)), position_mm)
-    weights = basis.evaluate(asked) @ np.linalg.pinv(basis.evaluate(position_mm))
-    return float(np.abs(weights).sum(axis=1).max())
+    return float(_swings(spec, position_mm).max())
 
 
 def places_for_knots(position_mm: Numbers, most: int) -> Numbers:
     """Give as many of some rising positions (n,) as a spline with `most` functions may follow one by one.
 
-    Positions that lie side by side are one place where a function for each would swing in the gaps between them. Both
-    ends stay.
+    Where a function for each would swing in the gaps between them, every so manieth stands for its neighbours, both
+    ends among them: dense parts of an axis keep their share.
     """
     if len(position_mm) < _FEWEST:
         return position_mm
-    n_some = min(len(position_mm), _POSITIONS_OF_A_FUNCTION * most)
-    some_mm = position_mm[np.linspace(0, len(position_mm) - 1, n_some).round().astype(np.intp)]
-    found = position_mm
-    for share in (0.0, *_SHARES):
-        found = _apart(position_mm, share)
-        if all(swing_of(spec, some_mm) <= _MOST_SWING for spec in _richest(found, most)):
-            break
-    return found
+    looked_at_mm = _some(position_mm, _POSITIONS_OF_A_FUNCTION * most)
+    if _is_calm(position_mm, looked_at_mm, most):
+        return position_mm
+    fewer = (_some(position_mm, count) for count in range(min(len(position_mm) - 1, most), _FEWEST - 1, -1))
+    return next((found for found in fewer if _is_calm(found, looked_at_mm, most)), _some(position_mm, 2))
+
+
+def _swings(spec: BasisSpec, position_mm: Numbers) -> Numbers:
+    """Give the sum of the weights' sizes at places between positions, (n − 1, m): of each gap its own."""
+    basis = basis_of(spec)
+    asked = np.linspace(position_mm[:-1], position_mm[1:], _BETWEEN + 1, axis=1)
+    weights = basis.evaluate(np.ascontiguousarray(asked.reshape(-1))) @ np.linalg.pinv(basis.evaluate(position_mm))
+    return np.asarray(np.abs(weights).sum(axis=1).reshape(asked.shape))
+
+
+def _is_calm(place_mm: Numbers, position_mm: Numbers, most: int) -> bool:
+    """Tell whether bases with the most functions that places (k,) support swing little between positions (n,)."""
+    gap_mm = np.diff(position_mm)
+    by_width = np.sort(gap_mm)
+    usual_mm = by_width[np.searchsorted(np.cumsum(by_width), _USUAL * by_width.sum())]
+    allowed = _MOST_SWING * np.maximum(gap_mm / (_WIDE * usual_mm), 1.0)
+    return all((_swings(spec, position_mm).max(axis=1) <= allowed).all() for spec in _richest(place_mm, most))
 
 
 def _richest(place_mm: Numbers, most: int) -> Iterator[BasisSpec]:
@@ -93,17 +102,8 @@ def _richest(place_mm: Numbers, most: int) -> Iterator[BasisSpec]:
             yield spline_over("x", place_mm, n_functions)
 
 
-def _apart(position_mm: Numbers, share: float) -> Numbers:
-    """Leave out positions (n,) that are nearer to the one before than a share of the mean distance of what stays."""
-    kept = position_mm
-    while share > 0.0:
-        least_mm = share * float(kept[-1] - kept[0]) / len(kept)
-        found = [kept[0]]
-        for place in kept[1:-1]:
-            if place - found[-1] > least_mm and kept[-1] - place > least_mm:
-                found.append(place)
-        found.append(kept[-1])
-        if len(found) == len(kept):
-            break
-        kept = np.array(found)
-    return kept
+def _some(position_mm: Numbers, count: int) -> Numbers:
+    """Give so many of the positions, evenly by their number; all where they are no more."""
+    if len(position_mm) <= count:
+        return position_mm
+    return position_mm[np.linspace(0, len(position_mm) - 1, count).round().astype(np.intp)]

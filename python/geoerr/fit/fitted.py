@@ -28,7 +28,7 @@ from geoerr.terms import Term
 # Points scatter less than is stated where chance seldom has them scatter so little, and by more than what setting
 # gross rows aside takes off. What fits more closely yet has no noise to be measured by, and a note says so.
 _SELDOM = 0.01
-_LESS, _LEAST = 0.8, 0.1
+_LESS, _LEAST = 0.8, 0.01
 
 
 @dataclass(frozen=True, eq=False)

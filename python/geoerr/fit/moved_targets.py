@@ -44,8 +44,11 @@ _FLAT = 0.05
 _ROUND_OFF = 1e-15
 # Places that are visited before and after, rows on either side of a fixed target, and others to compare with.
 _LEAST_PLACES, _LEAST_ROWS, _LEAST_OTHERS = 4, 5, 2
-# Numbers that say how a carrier turns from place to place.
-_OF_PLACES = 10
+# Looks from which how a target stands to others tells a moment: twice the numbers of three cubics. What is nothing
+# beside the largest of them.
+_LEAST_LOOKS, _NOTHING = 20, 1e-9
+# Others that are hidden in more looks than this share are left out of what it stands to.
+_OFTEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,16 +158,19 @@ def _moment(sightings: Sightings, others: Sequence[_Visits], own: _Visits, place
     How it stands to others on its carrier, at every look at all, knows no places: the jump is in it, and of the
     machine how the carrier turns from place to place. Both count by what they leave.
     """
-    relative = _beside_others(sightings, own, [one for one in others if one.carrier == own.carrier])
-    seen = np.flatnonzero(np.isfinite(relative).all(axis=1))
-    dof = 3 * (len(seen) - _OF_PLACES)
-    if own.is_fixed or len(seen) < 2 * _OF_PLACES:
+    if own.is_fixed:
         return place
-    # Cubics of each axis.
+    relative_mm = _beside_others(sightings, own, [one for one in others if one.carrier == own.carrier])
+    seen = np.flatnonzero(np.isfinite(relative_mm).all(axis=1))
+    if len(seen) < _LEAST_LOOKS:
+        return place
+    # Cubics of each axis; of one that rests nothing.
     q = sightings.commanded_mm[own.rows[seen]]
     q = (q - q.mean(axis=0)) / np.maximum(np.ptp(q, axis=0), SAME_POSITION_MM)
-    turned = np.linalg.qr(np.column_stack([np.ones(len(q)), q, q**2, q**3]))[0]
-    left = relative[seen] - turned @ (turned.T @ relative[seen])
+    turned, size, _ = np.linalg.svd(np.column_stack([np.ones(len(q)), q, q**2, q**3]), full_matrices=False)
+    turned = turned[:, size > _NOTHING * size[0]]
+    dof = 3 * (len(seen) - turned.shape[1])
+    left = relative_mm[seen] - turned @ (turned.T @ relative_mm[seen])
     # |P (r − 1[i ≥ k] d)|² for every k at once: P takes the cubics out, and sums run from behind.
     behind = np.cumsum(np.column_stack([left, turned])[::-1], axis=0)[::-1]
     by_mm, count = own.jump_mm(place), np.arange(len(seen), 0, -1)
@@ -180,8 +186,9 @@ def _moment(sightings: Sightings, others: Sequence[_Visits], own: _Visits, place
 
 def _beside_others(sightings: Sightings, own: _Visits, others: Sequence[_Visits]) -> Numbers:
     """Give where a target stands to the mean of others that were seen with it, (n, 3); NaN where none was."""
-    total, count = np.zeros((len(own.rows), 3)), np.zeros(len(own.rows))
     here = sightings.commanded_mm[own.rows]
+    seen: list[np.ndarray] = []
+    stands_mm: list[Numbers] = []
     for one in others:
         # The row of the same look is a neighbour in the table.
         behind = np.searchsorted(one.rows, own.rows)
@@ -191,12 +198,15 @@ def _beside_others(sightings: Sightings, own: _Visits, others: Sequence[_Visits]
         off = np.where(there <= SAME_POSITION_MM, off, len(sightings))
         row = one.rows[np.take_along_axis(near, np.argmin(off, axis=0)[None], axis=0)[0]]
         is_seen = off.min(axis=0) < len(sightings)
-        total[is_seen] += sightings.measured_mm[row[is_seen]]
-        count[is_seen] += 1.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # A mean of others than before would be another place.
-        mean = np.where((count == len(others))[:, None], total / count[:, None], np.nan)
-    return np.asarray(sightings.measured_mm[own.rows] - mean)
+        # One that was touched itself is two, each of which is there for a part of the time.
+        if is_seen.mean() > _OFTEN:
+            seen.append(is_seen)
+            stands_mm.append(sightings.measured_mm[row])
+    if not seen:
+        return np.full((len(own.rows), 3), np.nan)
+    # A mean of others than before would be another place.
+    mean_mm = np.where(np.all(seen, axis=0)[:, None], np.mean(stands_mm, axis=0), np.nan)
+    return np.asarray(sightings.measured_mm[own.rows] - mean_mm)
 
 
 def _moved_alone(sightings: Sightings, visits: dict[int, _Visits], number: int, moment: int) -> bool:

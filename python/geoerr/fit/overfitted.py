@@ -19,9 +19,10 @@ from geoerr.fit.knots import KnotChoice
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import BasisSpec
 
-# A model that has more numbers than this share of what was measured may follow anything.
+# A model with fewer numbers than this share of what was measured cannot follow single passes: what it misses need not
+# be asked.
 _MANY = 0.05
-# And does where it misses what it did not see by so many times what it leaves of the others.
+# It has followed them where it misses what it did not see by so many times what a right model would.
 _MISSES = 1.5
 # Functions of an error that are tried.
 _FEWER = (12, 8, BENT)
@@ -44,15 +45,19 @@ def with_fewer(
     n_numbers = int(fitted.sightings.is_measured[fitted.solved.used].sum())
     if fitted.solved.solution.rank < _MANY * n_numbers:
         return best, chosen
-    least, left = _missed_um(fitted), fitted.figures.headline_um
-    if left is None or not _MISSES * left < least < math.inf:
+    least_um, right_um = _missed_um(fitted), fitted.expected_held_out_um or fitted.figures.headline_um
+    if right_um is None or not _MISSES * right_um < least_um < math.inf:
         return best, chosen
+    tried = chosen
     for most in _FEWER:
         fewer = tuple(_at_most(one, most, places_mm) for one in choices)
+        if fewer == tried:
+            continue
+        tried = fewer
         found = fit({one.name: one.basis for one in fewer})
-        missed = _missed_um(found)
-        if missed < least:
-            best, chosen, least = found, fewer, missed
+        missed_um = _missed_um(found)
+        if missed_um < least_um:
+            best, chosen, least_um = found, fewer, missed_um
     return best, chosen
 
 
@@ -67,4 +72,4 @@ def _at_most(choice: KnotChoice, most: int, places_mm: Mapping[str, Numbers]) ->
     if choice.basis.kind != "bspline" or n_functions <= most:
         return choice
     basis = spline_over(choice.basis.axis, places_mm[choice.basis.axis], most)
-    return replace(choice, basis=basis, n_free=choice.n_free - (n_functions - most))
+    return replace(choice, basis=basis, n_free=min(choice.n_free, most))
