@@ -49,3 +49,22 @@ def test_where_the_bed_cools_the_warm_up_is_told_alone() -> None:
     diagnosis = _diagnosed(cools=True)
     assert str(diagnosis.found[0].reference) == "warm-up:x"
     assert "thermal-drift:x@temp_bed" not in {str(one.reference) for one in diagnosis.tied}
+
+
+def test_a_drift_that_cameras_would_have_as_well_is_not_corrected_before_a_marker_tells() -> None:
+    """One session without a marker: cameras that move along x look the same, with more freedom."""
+    rng = np.random.default_rng(5)
+    moved = motion(rng, Plan(n_sessions=1, n_lines=40, n_points=14))
+    hidden = SHIFT_UM * (1.0 - np.exp(-moved.t / 600.0))[:, None] * np.array([1.0, 0.0, 0.0])
+    moved = replace(moved, bed=np.full_like(moved.t, 20.0), frame=np.full_like(moved.t, 20.0))
+    fitted = fit_terms(machine(), [measure(rng, moved, NOISE, hidden)], options=FitOptions(threads=1))
+    (found,) = diagnose(fitted, threads=1).found
+    assert str(found.reference) == "warm-up:x"
+    assert not found.is_rig
+    assert found.device_words is not None
+    assert "(camera-drift) would look the same" in found.device_words
+    assert "put a marker on the machine's base" in found.device_words
+    assert found.device_words[1:] in found.words()
+    (drift,) = (one for one in found.to_document()["aliases"] if one["effect"] == "camera-drift")
+    assert drift["told_by"].startswith("put a marker")
+    assert {one["told_by"] for one in found.to_document()["aliases"] if one is not drift} <= {None}

@@ -80,6 +80,31 @@ def test_how_much_too_small_an_expansion_comes_out_is_told() -> None:
     assert share == pytest.approx(100.0 * flatter, abs=1.5)
 
 
+@pytest.mark.parametrize("n_targets", [1, 2, 6])
+def test_scatter_is_that_of_looks(n_targets: int) -> None:
+    """Every look has a row for each target, of one temperature."""
+    rng = np.random.default_rng(5)
+    n = 60
+    x = np.repeat(np.linspace(0.0, 300.0, n), n_targets)
+    reading = np.repeat(20.0 + np.linspace(0.0, 2.0, n) + 0.15 * rng.normal(size=n), n_targets)
+    offset = np.tile(50.0 * np.arange(n_targets), n)
+    columns: dict[str, object] = {"carrier": ["tool"] * len(x), "t": np.repeat(4.0 * np.arange(n), n_targets)}
+    columns |= {"x": x, "y": 0.0 * x, "z": 0.0 * x, "tx": offset, "mx": x + offset, "temp_frame": reading}
+    (note,) = notes_of(observations_from_columns(columns), "temp_frame scatters")
+    assert 0.1 < float(note.split("scatters by ")[1].split()[0]) < 0.2
+
+
+@pytest.mark.parametrize(("n_passes", "n_rows"), [(20, 11), (12, 7), (4, 9), (6, 11)])
+def test_a_thermometer_that_is_noted_once_a_pass_does_not_scatter(n_passes: int, n_rows: int) -> None:
+    rng = np.random.default_rng(6)
+    of_pass = 20.0 + np.linspace(0.0, 2.0, n_passes) + 0.1 * rng.normal(size=n_passes)
+    n = n_passes * n_rows
+    place = np.tile(np.linspace(0.0, 300.0, n_rows), n_passes)
+    columns: dict[str, object] = {"carrier": ["relative"] * n, "repeat": np.repeat(np.arange(n_passes), n_rows)}
+    columns |= {"x": place, "y": 0.0 * place, "z": 0.0 * place, "mx": place, "temp_bed": np.repeat(of_pass, n_rows)}
+    assert not notes_of(observations_from_columns(columns), "scatters")
+
+
 def test_a_heater_that_is_switched_does_not_scatter() -> None:
     """Steps between set points are no scatter of a sensor, nor a curve, nor readings that are held for some rows."""
     switched = np.repeat([60.0, 62.0, 60.0, 61.0], 16)

@@ -57,6 +57,11 @@ def test_a_clock_that_begins_again_in_one_session_is_told(days: int, is_told: bo
     mixed = np.random.default_rng(2).permutation(n)
     shuffled = observations_from_columns({name: np.asarray(own)[mixed] for name, own in columns.items()})
     assert not any("begins again" in note for note in sightings_of(shuffled).notes)
+    by_target = {name: np.tile(np.asarray(own)[:N], 3) for name, own in columns.items()}
+    by_target["tx"] = np.repeat([0.0, 40.0, 80.0], N)
+    by_target["mx"] = np.asarray(by_target["mx"]) + np.asarray(by_target["tx"])
+    by_target |= {"carrier": ["tool"] * 3 * N}
+    assert not any("begins again" in note for note in sightings_of(observations_from_columns(by_target)).notes)
     named = observations_from_columns(columns | {"session": np.repeat(np.arange(days), N).astype(str).tolist()})
     assert not any("begins again" in note for note in sightings_of(named).notes)
 

@@ -157,6 +157,7 @@ class Named(ABC):
                     **reference_document(alias.reference),
                     "correlation": alias.correlation,
                     "tied": alias.is_tied,
+                    "told_by": alias.told_by,
                 }
                 for alias in self.aliases
             ],

@@ -195,7 +195,7 @@ class _Summary:
         if rival.correlation < _SAME or self.known[first.effect].is_rig or not self.known[other].is_rig:
             return None
         separation = self.known.separation(first.effect, other)
-        return None if separation is None else separation.separate_by
+        return None if separation is None else separation.plan or separation.separate_by
 
     def _rival(self, found: Found, rival: Rival, settled: Settled, earlier: Sequence[Settled]) -> Finding:
         name = reference_of(found.judged)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from geoerr.effects.plausible import MAX_RELATIVE_STD, plausible_match, plausible_values, usual_spans, usual_words
+from geoerr.effects.plausible import (
+    MAX_RELATIVE_STD,
+    beyond_all,
+    plausible_match,
+    plausible_values,
+    usual_spans,
+    usual_words,
+)
 from geoerr.summaries import listed, number_words
 from geoerr.terms import Parameter
 
@@ -32,8 +39,6 @@ _LEAST_P = 1e-9
 _FEW_ALIKE = 3
 # A sign is told for certain beyond this many standard errors.
 _CERTAIN_STD = 2.0
-# Plastics have up to ten times what metals have.
-_BEYOND_ALL = 10.0
 _SURE = ((1e-6, "certain as can be"), (1e-3, "very sure"), (0.025, "sure"), (0.05, "nearly sure"))
 
 
@@ -89,9 +94,9 @@ def plausibility_words(parameter: Parameter, sign: int = 0, inner: Sequence[Para
     if not parameter.std <= MAX_RELATIVE_STD * abs(parameter.value):
         return "too uncertain to compare with known values"
     nearest = min(plausible_values(parameter), key=lambda item: abs(item.value - parameter.value))
-    largest = max(plausible_values(parameter), key=lambda item: abs(item.value))
-    times = abs(parameter.value / largest.value)
-    if times > _BEYOND_ALL:
+    beyond = beyond_all(parameter, parameter.value)
+    if beyond is not None:
+        times, largest = beyond
         known = number_words(largest.value * factor)
         return f"not plausible: {times:.0f} times what {largest.what} has ({known}); something else does this"
     return f"no known value: the nearest is {number_words(nearest.value * factor)}, {nearest.what}"

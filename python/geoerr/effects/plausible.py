@@ -11,6 +11,8 @@ from geoerr.terms import Parameter, Plausible, UsualSpan
 MATCH_STD = 2.0
 # A fit less certain than this part of its value would match anything.
 MAX_RELATIVE_STD = 0.25
+# Plastics expand up to ten times as much as metals.
+_BEYOND_ALL = 10.0
 
 
 def plausible_match(parameter: Parameter, value: float | None = None, std: float | None = None) -> Plausible | None:
@@ -95,8 +97,21 @@ def plausible_words(
     std = parameter.std if std is None else std
     if not math.isfinite(value) or not math.isfinite(std) or std > MAX_RELATIVE_STD * abs(value):
         return "too uncertain to compare with known values"
+    beyond = beyond_all(parameter, value)
+    if beyond is not None:
+        times, largest = beyond
+        return f"not plausible: {times:.0f} times what {largest.what} has ({largest.value * factor:.4g} {unit})"
     nearest = min(plausible_values(parameter), key=lambda item: abs(item.value - value))
     return f"not a known value; the nearest is {nearest.value * factor:.4g} {unit} ({nearest.what})"
+
+
+def beyond_all(parameter: Parameter, value: float) -> tuple[float, Plausible] | None:
+    """Give how many times an expansion is what the material that expands most has; None of one that plastics have."""
+    if parameter.unit != "1/K":
+        return None
+    largest = max(plausible_values(parameter), key=lambda item: abs(item.value))
+    times = abs(value / largest.value)
+    return (times, largest) if times > _BEYOND_ALL else None
 
 
 def usual_words(

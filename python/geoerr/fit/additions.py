@@ -21,7 +21,7 @@ from geoerr.fit.beside_effects import with_few_knots
 from geoerr.fit.classic import Components, names_of
 from geoerr.fit.empirical import empirical_term, is_empirical
 from geoerr.fit.fitted import Fitted
-from geoerr.fit.inner import best_start
+from geoerr.fit.inner import best_start, where_known
 from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import clock_span_s
 from geoerr.machine import Machine
@@ -211,10 +211,10 @@ def best_terms(
     """
     if effect.is_smooth:
         return effect.terms(reference.axis, reference.covariate, fitted.machine)
-    begun = [
-        best_start(fitted, term, threads=fitted.threads)
-        for term in ways_of(effect, reference, fitted.machine, fitted.sightings, way)
-    ]
+    ways = ways_of(effect, reference, fitted.machine, fitted.sightings, way)
+    # On the same rows for all of them.
+    fitted = where_known(fitted, ways)
+    begun = [best_start(fitted, term, threads=fitted.threads) for term in ways]
     if not begun:
         return usual_terms(effect, reference, fitted.machine, fitted.sightings)
     # What the effect does itself is no noise: beside it even a lag of an hour would be worth nothing.

@@ -38,10 +38,11 @@ def begun_warm(fitted: Fitted, terms: Sequence[Term]) -> Iterator[str]:
         span_k = float(np.nanmax(followed) - np.nanmin(followed)) if np.isfinite(followed).any() else 0.0
         starts = [_start(times[rows], followed[rows], lag_s) for rows in sightings.rows_of_sessions]
         missing_k = max((abs(slope) * lag_s for at_k, slope in starts if abs(at_k) > _WARM * span_k), default=0.0)
+        missing_k = min(missing_k, span_k)
         if missing_k > _MISSING * span_k:
             yield (
                 f"{term.id}: a lag of {lag_s:.0f} s counts as settled at the first row of a session, where "
-                f"{listed(names)} was on its way, by {missing_k:.1f} K in such a time: what had not followed yet is "
+                f"{listed(names)} was on its way, by {missing_k:.2g} K in such a time: what had not followed yet is "
                 "missing, and the values come out wrong by more than they state; begin cold, or when all has settled"
             )
 

@@ -57,7 +57,9 @@ def with_effects(
         fitted = fitted.again((*on_bases(fitted.terms, limited), *map(with_inner_held, begun)), one_step=one_step)
     for effect in effects:
         if effect not in followed:
-            fitted = fitted.again((*fitted.terms, started(fitted, effect, threads=threads)), one_step=one_step)
+            fitted = fitted.again(
+                (*fitted.terms, started(fitted, effect, one_step=one_step, threads=threads)), one_step=one_step
+            )
     return fitted
 
 

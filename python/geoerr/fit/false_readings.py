@@ -13,14 +13,15 @@ import numpy as np
 import polars as pl
 
 from geoerr.column_names import is_temperature
+from geoerr.fit.looks import begins_look
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.summaries import counted, listed
 
 # Colder and hotter is no part of a machine, in kelvins neither.
-_COLDEST, _HOTTEST = -80.0, 700.0
-# A reading this far from the ones before and behind it, which are ten times nearer to each other, is no temperature:
-# what takes a minute to warm does not cool in the next.
-_FAR_K, _NEAR = 30.0, 0.1
+_COLDEST_DEGC, _HOTTEST_DEGC = -80.0, 700.0
+# A reading this far from the ones before and behind it, which are ten times nearer to each other, is no temperature
+# where such are few: what takes a minute to warm does not cool in the next.
+_FAR_K, _NEAR, _FEW = 30.0, 0.1, 0.05
 # Values that a note names.
 _SPOKEN = 3
 
@@ -33,7 +34,8 @@ def without_false_readings(sightings: Sightings) -> Sightings:
         if not is_temperature(name):
             continue
         values = sightings.numbers(name)
-        is_false = _are_false(values, [rows for rows in sightings.rows_of_sessions if rows.start < rows.stop])
+        is_false = (values < _COLDEST_DEGC) | (values > _HOTTEST_DEGC)
+        is_false |= _stand_alone(sightings, np.where(is_false, np.nan, values))
         if is_false.any():
             cleaned.append(pl.Series(name, np.where(is_false, np.nan, values)).fill_nan(None))
             shown = [f"{value:g}" for value in dict.fromkeys(values[is_false].tolist())]
@@ -47,14 +49,16 @@ def without_false_readings(sightings: Sightings) -> Sightings:
     return replace(sightings, table=sightings.table.with_columns(cleaned), notes=(*sightings.notes, *notes))
 
 
-def _are_false(values: Numbers, sessions: list[slice]) -> np.ndarray:
-    """Tell which readings (n,) are none."""
-    is_false = (values < _COLDEST) | (values > _HOTTEST)
-    for rows in sessions:
-        known = np.flatnonzero(np.isfinite(values[rows]) & ~is_false[rows]) + rows.start
-        if len(known) < 3:
-            continue
-        before, own, behind = values[known[:-2]], values[known[1:-1]], values[known[2:]]
-        off = np.minimum(np.abs(own - before), np.abs(own - behind))
-        is_false[known[1:-1]] |= (off > _FAR_K) & (np.abs(behind - before) < _NEAR * off)
-    return is_false
+def _stand_alone(sightings: Sightings, values_degc: Numbers) -> np.ndarray:
+    """Tell in which rows (n,) a reading is far from those of the looks before and behind in its session."""
+    is_first = sightings.once("begins_look", begins_look)
+    look = np.cumsum(is_first) - 1
+    of_look_degc, session = values_degc[is_first], sightings.session[is_first]
+    is_alone = np.zeros(len(of_look_degc), dtype=bool)
+    known = np.flatnonzero(np.isfinite(of_look_degc))
+    before, own, behind = known[:-2], known[1:-1], known[2:]
+    off_k = np.minimum(*(np.abs(of_look_degc[own] - of_look_degc[other]) for other in (before, behind)))
+    is_near = np.abs(of_look_degc[behind] - of_look_degc[before]) < _NEAR * off_k
+    is_alone[own] = (off_k > _FAR_K) & is_near & (session[before] == session[behind])
+    # One that is switched between two looks is so in many.
+    return is_alone[look] if is_alone.sum() <= _FEW * len(known) else np.zeros(len(values_degc), dtype=bool)

@@ -69,21 +69,32 @@ def has_unknown_inner(term: Term) -> bool:
     return any(np.isnan(parameter.value) for parameter in term.inner)
 
 
-def started(fitted: Fitted, term: Term, *, threads: int = 0) -> Term:
+def started(fitted: Fitted, term: Term, *, one_step: bool = False, threads: int = 0) -> Term:
     """Give the term with inner parameters at the trial values that explain most of the fit's residual."""
-    return best_start(fitted, term, threads=threads)[0]
+    return best_start(where_known(fitted, [term], one_step=one_step), term, threads=threads)[0]
+
+
+def where_known(fitted: Fitted, terms: Sequence[Term], *, one_step: bool = False) -> Fitted:
+    """Give a fit of the rows that have what all of some terms need.
+
+    Of the others nothing is known: counted as rows in which the terms are 0, those of a thermometer that was silent
+    speak for a lag of hours.
+    """
+    known = fitted.solved.used.copy()
+    for term in terms:
+        names = compile_terms(fitted.machine, (term,)).variables
+        known &= complete_rows_of(fitted.sightings, names, variable_columns(fitted.sightings, names), (term,))
+    if not known.any() or np.array_equal(known, fitted.solved.used):
+        return fitted
+    return fitted.again(fitted.terms, one_step=one_step, used=known)
 
 
 def best_start(fitted: Fitted, term: Term, *, threads: int = 0) -> tuple[Term, float]:
     """Give the same, and by how much the sum of squares falls when it is added to the fit.
 
-    Of rows that lack what the term needs nothing is known: it is not 0 there, so that the fit is one without them.
+    The fit is one of rows that have what the term needs (`where_known`).
     """
     candidate = _Candidate(fitted, term, threads)
-    lacks = fitted.solved.used & ~candidate.is_known
-    if lacks.any() and not lacks[fitted.solved.used].all():
-        fitted = fitted.again(fitted.terms, used=fitted.solved.used & candidate.is_known)
-        candidate = _Candidate(fitted, term, threads)
     beyond = _Beyond(fitted, candidate, threads)
     moments = _moments(candidate, term)
     every = -(-len(moments) // _MOST_MOMENTS)
@@ -194,7 +205,7 @@ class _Candidate:
         compiled = compile_terms(fitted.machine, (term,))
         variables = variable_columns(sightings, compiled.variables)
         known = complete_rows_of(sightings, compiled.variables, variables, (term,))
-        self.names, self.is_known = list(compiled.variables), known
+        self.names = list(compiled.variables)
         self.n_coefficients, self.inner = len(term.coefficients), term.inner
         self.needs_order = compiled.needs_order
         # What runs along the rows passes over those that lack something.

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geoerr.column_names import is_temperature
+from geoerr.fit.looks import begins_look
 from geoerr.fit.sightings import Numbers, Sightings
 
 _KELVIN_DEGC = 273.15
@@ -20,7 +21,7 @@ _HOT = re.compile(r"nozzle|hot_?end|extruder|spindle|tool|head|heater(?!_bed)|_e
 # The share of its variance that a temperature's scatter is: of less nothing is said, and of more it shows nothing
 # that an effect could follow.
 _LEAST_SCATTER, _MOST_SCATTER = 0.02, 0.5
-_FEWEST_ROWS = 30
+_FEWEST = 30
 # The share of second differences that the scatter is told from, and how many standard deviations of theirs, which is
 # √6 of a reading's, the largest of so many has. The others are jumps, of a heater that is switched.
 _BELOW, _AT = 0.9, 1.6449
@@ -43,6 +44,12 @@ def odd_temperatures(sightings: Sightings) -> Iterator[str]:
         yield from _scattered(name, sightings)
 
 
+def _changes(values_k: Numbers) -> Numbers:
+    """Give readings (n,) where they change: one that is held, or noted once a pass, does not scatter."""
+    known_k = values_k[np.isfinite(values_k)]
+    return np.asarray(known_k[np.diff(known_k, prepend=np.nan) != 0.0])
+
+
 def _go_up_and_down(bends_k: Sequence[Numbers], most_k: float) -> bool:
     """Tell second differences of scatter, of which each takes back two thirds of the one before, from a curve's.
 
@@ -63,8 +70,9 @@ def _scattered(name: str, sightings: Sightings) -> Iterator[str]:
     Error Models (1987), §1.1.1).
     """
     values = sightings.numbers(name)
-    sessions = [values[rows][np.isfinite(values[rows])] for rows in sightings.rows_of_sessions]
-    sessions = [own_k for own_k in sessions if len(own_k) >= _FEWEST_ROWS]
+    is_first = sightings.once("begins_look", begins_look)
+    sessions = [_changes(values[rows][is_first[rows]]) for rows in sightings.rows_of_sessions]
+    sessions = [own_k for own_k in sessions if len(own_k) >= _FEWEST]
     if not sessions:
         return
     bends_k = [np.diff(own_k, n=2) for own_k in sessions]
@@ -75,7 +83,7 @@ def _scattered(name: str, sightings: Sightings) -> Iterator[str]:
     share = scatter_k**2 / float(all_k.var()) if np.ptp(all_k) > 0.0 else 0.0
     if _LEAST_SCATTER < share < _MOST_SCATTER:
         yield (
-            f"{name} scatters by {scatter_k:.2g} K from row to row, where it varies by {all_k.std():.2g} K: if that "
-            f"is the sensor's scatter, what follows it comes out {100.0 * share:.0f} % too small, or gets a lag that "
-            "smooths it; give means of several readings"
+            f"{name} scatters by {scatter_k:.2g} K from look to look, where it varies by {all_k.std():.2g} K: if the "
+            f"sensor scatters, what follows it comes out {100.0 * share:.0f} % too small, or gets a lag that smooths "
+            "it; give means of several readings"
         )

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from geoerr.fit.moved_targets import numbers_of_targets
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.summaries import counted
 
@@ -45,9 +46,11 @@ def odd_times(sightings: Sightings) -> Iterator[str]:
 
 def _begun_again(sightings: Sightings, rows_of: list[slice], times_s: Numbers) -> Iterator[str]:
     """Say so where the clock of a session begins again further down in its file: two sessions, told as one."""
-    file_row = sightings.numbers("file_row")
+    file_row, target = sightings.numbers("file_row"), sightings.once("targets", numbers_of_targets)
     for rows in rows_of:
-        as_written_s = times_s[rows][np.argsort(file_row[rows], kind="stable")]
+        # Rows that are written target by target begin again with every one.
+        first = np.flatnonzero(target[rows] == target[rows.start]) + rows.start
+        as_written_s = times_s[first][np.argsort(file_row[first], kind="stable")]
         duration_s = float(np.ptp(as_written_s))
         falls = np.flatnonzero(np.diff(as_written_s) < 0.0)
         begins_s = as_written_s[falls + 1] - as_written_s.min()

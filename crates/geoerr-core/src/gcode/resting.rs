@@ -10,8 +10,8 @@ use super::path::Node;
 /// How far corrections have moved each axis back since the program last moved it.
 #[derive(Debug, Default)]
 pub struct Resting {
-    /// Farthest command of each axis in its direction since then; NaN where it has none.
-    farthest_mm: Option<[f64; 3]>,
+    /// Farthest command of each axis in its direction since then, which an axis that has one has.
+    farthest_mm: [f64; 3],
     /// Whether that was told since then.
     is_told: [bool; 3],
 }
@@ -26,7 +26,7 @@ impl Resting {
         has_direction: [bool; 3],
         limit_mm: f64,
     ) -> bool {
-        let farthest_mm = self.farthest_mm.get_or_insert([f64::NAN; 3]);
+        let farthest_mm = &mut self.farthest_mm;
         let mut is_turned = false;
         for axis in (0..3).filter(|&axis| has_direction[axis]) {
             let direction = course.begin.direction[axis];

@@ -10,6 +10,7 @@ import numpy as np
 from geoerr.column_names import is_temperature
 from geoerr.diagnose.noise import NoiseModel
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.looks import begins_look
 from geoerr.fit.noise import NOT_CONDITIONS
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
@@ -152,7 +153,7 @@ def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float
     feed = feed[np.isfinite(feed) & (feed > 0.0)]
     is_circular = bool(sightings.of_kind("circle").all())
     moving = np.nan_to_num(sightings.numbers("moving")) > 0.0
-    begins = _moments(sightings)
+    begins = begins_look(sightings)
     usual = float(np.median(feed)) if feed.size else _USUAL_FEED_MM_MIN
     dwell, interval = _pace(sightings, begins, moving, usual)
     last = int(sightings.session.max())
@@ -190,19 +191,6 @@ def situation_of(fitted: Fitted, noise: NoiseModel, *, acceleration_mm_s2: float
         clock_s=float(clock_s(sightings).max()),
         last_session=session_numbers(fitted.sightings.set_ups)[-1],
     )
-
-
-def _moments(sightings: Sightings) -> np.ndarray:
-    """Tell which rows begin a new moment, (n,)."""
-    keys = np.column_stack([sightings.session, times_s(sightings)])
-    same = (keys[1:] == keys[:-1]).all(axis=1)
-    same &= (np.abs(np.diff(sightings.commanded_mm, axis=0)) <= SAME_POSITION_MM).all(axis=1)
-    if "t" not in sightings.covariate_columns:
-        # Without times another target at the same place is the same moment.
-        same_place = (np.abs(np.diff(sightings.commanded_mm, axis=0)) <= SAME_POSITION_MM).all(axis=1)
-        other = (np.diff(sightings.offset_mm, axis=0) != 0.0).any(axis=1) | (np.diff(sightings.carrier) != 0)
-        same = same_place & other & (np.diff(sightings.session) == 0)
-    return np.concatenate([[True], ~same])
 
 
 def _by_session(sightings: Sightings, values: Numbers) -> list[Numbers]:
