@@ -189,10 +189,10 @@ def rich_basis(
     if count < 2:
         return None
     low, high = float(position_mm[0]), float(position_mm[-1])
-    if count < 5:
+    count = min(count, most)
+    if count < BENT:
         return BasisSpec("polynomial", axis, degree=count - 1, low_mm=low, high_mm=high)
-    n_functions = min(count, most)
-    return spline_over(axis, position_mm, n_functions)
+    return spline_over(axis, position_mm, count)
 
 
 def rich_bases(

@@ -19,6 +19,8 @@ from geoerr.terms import BasisSpec
 
 # Positions that fewer rows show than this share of what rows show of the middle one are passed over first.
 _HARDLY_SEEN = 0.5
+# As few functions are tried: lines of four places that cross at a fifth leave a function for each of five open.
+_FEW = (BENT, BENT - 1)
 
 
 def determined_bases(
@@ -41,8 +43,12 @@ def determined_bases(
     fitted = fit(rich)
     if not _n_open(fitted, rich):
         return dict(rich), fitted
-    few = rich_bases(sightings, list(rich), positions_mm, BENT)
-    with_few = fit(few)
+    few, with_few = dict(rich), fitted
+    for count in _FEW:
+        fewer = rich_bases(sightings, list(rich), positions_mm, count)
+        with_fewer = fit(fewer)
+        if _n_open(with_fewer, rich) < _n_open(with_few, rich):
+            few, with_few = fewer, with_fewer
     least = _n_open(with_few, rich)
     if least >= _n_open(fitted, rich):
         return dict(rich), fitted
@@ -61,7 +67,13 @@ def _n_open(fitted: Fitted, names: Mapping[str, BasisSpec]) -> int:
 def _between(
     rich: Mapping[str, BasisSpec], sightings: Sightings, positions_mm: Mapping[str, Numbers]
 ) -> Iterator[dict[str, BasisSpec]]:
-    """Give bases of less and less freedom: without positions that few rows show, then a quarter less each time."""
+    """Give bases of less and less freedom.
+
+    One function fewer than positions where an axis has few; then without positions that few rows show, and a quarter
+    less each time.
+    """
+    fewer = rich_bases(sightings, list(rich), positions_mm, BENT - 1)
+    yield {name: fewer[name] if len(positions_mm[basis.axis]) <= BENT else basis for name, basis in rich.items()}
     often = {
         axis: _often_seen(sightings.commanded_mm[:, AXES.index(axis)], own) for axis, own in positions_mm.items()
     }
