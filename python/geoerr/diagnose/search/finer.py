@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.bases import basis_of
-from geoerr.diagnose.candidates import n_waves
+from geoerr.diagnose.candidates import Formulas, wave_along
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, evidence_of, variables_of
 from geoerr.diagnose.search.look import Round
+from geoerr.fit.periods import alike_periods
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.wavy import MANY_WAVES
 from geoerr.machine import AXES
@@ -33,6 +34,8 @@ _MOSTLY_OWN, _AS_MUCH = 0.25, 0.9
 _NEARLY_ALL = 0.95
 # Standard deviations of what many knots follow of the noise.
 _UNLIKELY = 3.0
+# A wave this many times as long as what was measured is a line there.
+_LONGEST = 4.0
 
 
 def finer_functions(
@@ -63,7 +66,9 @@ def finer_functions(
     does_as_much = [one for one in ways if one.gain >= _AS_MUCH * claim.gain]
     # Twice the logarithm that Schwarz takes for the fewest knots that do as much.
     price = min((one.rank for one in does_as_much), default=0) * math.log(max(looked.space.n_numbers, 2))
-    if claim.share < _MOSTLY_OWN or (is_smooth and claim.gain < price):
+    # A curve of the position of one axis is such an error by another name.
+    is_same = isinstance(claim.what, Probe)
+    if claim.share < _MOSTLY_OWN or is_same or (is_smooth and claim.gain < price):
         # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
         worth = [(0.5 * one.gain - one.rank - math.log(len(ways)), one.columns) for one in does_as_much]
         least = 0.0
@@ -176,10 +181,20 @@ def _ways(functions: Sequence[_Function], claim: Judged) -> Iterator[tuple[tuple
 
 
 def _n_waves(bench: Bench, claim: Judged) -> float:
-    """Give the number of waves over the places that were measured; 0 of what is no wave."""
+    """Give the number of waves over the places that were measured; 0 of what is no wave.
+
+    Of those that are one at places in even steps it is the fewest: ten places see five waves at most, and a smooth
+    error with too few functions as one of any period.
+    """
     if isinstance(claim.what, Probe):
         return 0.0
-    return n_waves(bench.functions, _term_of(claim), claim.shapes.trials[claim.trial])
+    term, inner = _term_of(claim), claim.shapes.trials[claim.trial]
+    wave = wave_along(Formulas(bench.functions, term), term, inner)
+    if wave is None:
+        return 0.0
+    place, along = wave
+    span, period = float(np.ptp(along)), inner[place]
+    return span / max([period, *alike_periods(along, period, period, _LONGEST * span)])
 
 
 def _term_of(claim: Judged) -> Term:
