@@ -25,9 +25,9 @@ _CUBIC = 3
 # Between two positions there is nothing but a line.
 _FEWEST = 3
 # What is allowed: a little more than the 4 of even positions. Where a plan leaves a gap that is wider than so many
-# usual ones nobody expects as much of it, and it is more in proportion: a quarter of the way is in gaps no wider than
-# a usual one.
-_MOST_SWING, _WIDE, _USUAL = 5.0, 4.0, 0.25
+# usual ones nobody expects as much of it, and it is more in proportion, up to twice as much: a quarter of the way is
+# in gaps no wider than a usual one.
+_MOST_SWING, _WIDE, _USUAL, _AT_MOST = 5.0, 4.0, 0.25, 2.0
 # Between two positions the swing is looked for at so many places, and of many positions as many stand for all as four
 # times the functions.
 _BETWEEN, _POSITIONS_OF_A_FUNCTION = 4, 4
@@ -86,7 +86,7 @@ def _is_calm(place_mm: Numbers, position_mm: Numbers, most: int) -> bool:
     gap_mm = np.diff(position_mm)
     by_width = np.sort(gap_mm)
     usual_mm = by_width[np.searchsorted(np.cumsum(by_width), _USUAL * by_width.sum())]
-    allowed = _MOST_SWING * np.maximum(gap_mm / (_WIDE * usual_mm), 1.0)
+    allowed = _MOST_SWING * np.clip(gap_mm / (_WIDE * usual_mm), 1.0, _AT_MOST)
     return all((_swings(spec, position_mm).max(axis=1) <= allowed).all() for spec in _richest(place_mm, most))
 
 

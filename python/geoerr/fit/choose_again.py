@@ -15,7 +15,7 @@ from geoerr.fit.classic import knot_places_by_axis, rich_bases
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.knots import Ladder, choose_bases
 from geoerr.fit.run_away import run_away
-from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
+from geoerr.fit.sightings import Sightings
 from geoerr.fit.wavy import beside_waves
 from geoerr.terms import BasisSpec, Term
 
@@ -39,13 +39,13 @@ def choose_again(fitted: Fitted, earlier: Sightings | None = None) -> tuple[Term
         Rows that the bases may have been chosen with, where they were others.
     """
     sightings = fitted.sightings
-    positions = knot_places_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+    positions = knot_places_by_axis(sightings)
     own = {term.id: basis for term in fitted.terms if (basis := _basis_of(term)) is not None}
     richest = rich_bases(sightings, list(own), positions)
     ladder = Ladder(positions)
     may_change = _chosen_from(ladder, richest, own)
     if earlier is not None:
-        of_earlier = knot_places_by_axis(earlier.commanded_mm, SAME_POSITION_MM)
+        of_earlier = knot_places_by_axis(earlier)
         may_change |= _chosen_from(Ladder(of_earlier), rich_bases(earlier, list(own), of_earlier), own)
     rich = {name: basis for name, basis in richest.items() if name in may_change}
     if not rich:

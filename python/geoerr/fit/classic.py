@@ -252,19 +252,38 @@ def positions_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Number
     Neighbours that are a hundredth as far apart as positions are on average are one, too: a third of a length is
     rounded up on the way there, and down on the way back.
     """
+    return {axis: _distinct_mm(own_mm, same_mm) for axis, own_mm in zip(AXES, commanded_mm.T, strict=True)}
+
+
+def _distinct_mm(position_mm: Numbers, same_mm: float = SAME_POSITION_MM) -> Numbers:
+    own = distinct_positions(position_mm, same_mm)
+    if len(own) > 2:
+        low, high = float(own[0]), float(own[-1])
+        own = distinct_positions(own, max(same_mm, ONE_PLACE * (high - low) / len(own)))
+        own[-1] = high
+    return own
+
+
+def knot_places_by_axis(sightings: Sightings) -> dict[str, Numbers]:
+    """Give the positions of each axis that error functions may follow one by one: not all of those side by side.
+
+    Where an axis stands while others move little tells its errors: of lines that cross once, all together, nothing
+    but smoothness tells them there. Such places count where an axis has more of them than it runs through.
+    """
     found = {}
     for index, axis in enumerate(AXES):
-        own = distinct_positions(commanded_mm[:, index], same_mm)
-        if len(own) > 2:
-            low, high = float(own[0]), float(own[-1])
-            own = distinct_positions(own, max(same_mm, ONE_PLACE * (high - low) / len(own)))
-            # What a function is asked for reaches from end to end.
-            own[-1] = high
-        found[axis] = own
+        along_mm = sightings.commanded_mm[:, index]
+        moves = moves_in_its_pass(sightings, along_mm)
+        of_lines, of_all = (_distinct_mm(own_mm) for own_mm in (along_mm[moves], along_mm))
+        # What a function is asked for reaches from end to end.
+        own = of_all if len(of_all) > 2 * len(of_lines) else np.union1d(of_lines, of_all[[0, -1]])
+        found[axis] = places_for_knots(_distinct_mm(own), MOST_FUNCTIONS)
     return found
 
 
-def knot_places_by_axis(commanded_mm: Numbers, same_mm: float) -> dict[str, Numbers]:
-    """Give the positions of each axis that error functions may follow one by one: not all of those side by side."""
-    positions = positions_by_axis(commanded_mm, same_mm)
-    return {axis: places_for_knots(own, MOST_FUNCTIONS) for axis, own in positions.items()}
+def moves_in_its_pass(sightings: Sightings, along_mm: Numbers) -> np.ndarray:
+    """Tell in which rows (n,) an axis, commanded to `along_mm` (n,), moves in the row's pass."""
+    low, high = np.full(sightings.n_passes, np.inf), np.full(sightings.n_passes, -np.inf)
+    np.minimum.at(low, sightings.pass_number, along_mm)
+    np.maximum.at(high, sightings.pass_number, along_mm)
+    return np.asarray((high - low > SAME_POSITION_MM)[sightings.pass_number])

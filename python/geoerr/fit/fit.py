@@ -144,7 +144,7 @@ def fit_terms(
     """
     options = options or FitOptions()
     sightings = within_the_machine(sightings_of(*tables), machine) if sightings is None else sightings
-    positions = knot_places_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
+    positions = knot_places_by_axis(sightings)
     shared = calibration_unknowns(tables, sightings, rig_sensitivity, rig_covariance)
     given = dict(options.bases or {})
     rich = {**rich_bases(sightings, names_of(options.components), positions), **given}

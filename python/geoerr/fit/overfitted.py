@@ -45,8 +45,10 @@ def with_fewer(
     n_numbers = int(fitted.sightings.is_measured[fitted.solved.used].sum())
     if fitted.solved.solution.rank < _MANY * n_numbers:
         return best, chosen
-    least_um, right_um = _missed_um(fitted), fitted.expected_held_out_um or fitted.figures.headline_um
-    if right_um is None or not _MISSES * right_um < least_um < math.inf:
+    least_um, left_um = _missed_um(fitted), fitted.figures.headline_um
+    # With p numbers for n a right model leaves 1 − p/n of what it misses.
+    share_left = 1.0 - fitted.solved.solution.rank / n_numbers
+    if left_um is None or not _MISSES * left_um < share_left * least_um < math.inf:
         return best, chosen
     tried = chosen
     for most in _FEWER:

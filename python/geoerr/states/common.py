@@ -17,7 +17,14 @@ import numpy as np
 from geoerr.bases import places_for_knots
 from geoerr.error_functions import NotDetermined
 from geoerr.fit import FitOptions, Fitted, fit_terms, sightings_of
-from geoerr.fit.classic import MOST_FUNCTIONS, distinct_positions, names_of, rich_basis, tells_noise
+from geoerr.fit.classic import (
+    MOST_FUNCTIONS,
+    distinct_positions,
+    moves_in_its_pass,
+    names_of,
+    rich_basis,
+    tells_noise,
+)
 from geoerr.fit.knots import choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES, Machine
@@ -93,13 +100,10 @@ def _of_all(places: Sequence[Numbers]) -> Numbers:
 
 def _places(sightings: Sightings, axis: str) -> Numbers:
     """Give the positions of an axis in passes in which it moves: where it only stands tells little of its errors."""
-    along = sightings.commanded_mm[:, AXES.index(axis)]
-    low, high = np.full(sightings.n_passes, np.inf), np.full(sightings.n_passes, -np.inf)
-    np.minimum.at(low, sightings.pass_number, along)
-    np.maximum.at(high, sightings.pass_number, along)
-    moves = (high - low > SAME_POSITION_MM)[sightings.pass_number]
+    along_mm = sightings.commanded_mm[:, AXES.index(axis)]
+    moves = moves_in_its_pass(sightings, along_mm)
     return places_for_knots(
-        distinct_positions(along[moves] if moves.any() else along, SAME_POSITION_MM), MOST_FUNCTIONS
+        distinct_positions(along_mm[moves] if moves.any() else along_mm, SAME_POSITION_MM), MOST_FUNCTIONS
     )
 
 

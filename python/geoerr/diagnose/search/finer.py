@@ -66,9 +66,7 @@ def finer_functions(
     does_as_much = [one for one in ways if one.gain >= _AS_MUCH * claim.gain]
     # Twice the logarithm that Schwarz takes for the fewest knots that do as much.
     price = min((one.rank for one in does_as_much), default=0) * math.log(max(looked.space.n_numbers, 2))
-    # A curve of the position of one axis is such an error by another name.
-    is_same = isinstance(claim.what, Probe)
-    if claim.share < _MOSTLY_OWN or is_same or (is_smooth and claim.gain < price):
+    if claim.share < _MOSTLY_OWN or (is_smooth and claim.gain < price):
         # What a smooth error needs to be followed is what predicts it best (Akaike), as little as that may be.
         worth = [(0.5 * one.gain - one.rank - math.log(len(ways)), one.columns) for one in does_as_much]
         least = 0.0
@@ -76,9 +74,12 @@ def finer_functions(
         # Knots that follow a large wave follow what is left of a smooth error, too: far more than chance, and little.
         return None
     else:
-        evidence = [evidence_of(looked.space, np.array(one.gain), np.array(one.rank), len(ways)) for one in ways]
-        worth = [(float(of_one), one.columns) for of_one, one in zip(evidence, ways, strict=True)]
-        least = max(claim.evidence, 0.0)
+        # A curve of the position of one axis is such an error by another name, however few numbers it has.
+        is_same = isinstance(claim.what, Probe) and bool(does_as_much)
+        some = does_as_much if is_same else ways
+        evidence = [evidence_of(looked.space, np.array(one.gain), np.array(one.rank), len(ways)) for one in some]
+        worth = [(float(of_one), one.columns) for of_one, one in zip(evidence, some, strict=True)]
+        least = 0.0 if is_same else max(claim.evidence, 0.0)
         if not is_smooth and (much_more := _do_much_more(ways, claim)) is not None:
             return much_more.columns
     most, columns = max(worth, key=lambda one: one[0], default=(-math.inf, None))
