@@ -383,12 +383,15 @@ def chance() -> str:
     grid = np.linspace(float(drawn[9]), 0.97 * high, 60)
     tail = -np.expm1(-np.exp(-look.null.standardized(grid)))
     drawing.line([place(s, p) for s, p in zip(grid, tail, strict=True) if p > lowest], BLUE, 1.6)
+    words_y = np.inf
     for judged in look.candidates[:3]:
         p_value = look.null.p_value(judged.surprise)
         x, y = place(judged.surprise, p_value)
         drawing.line([place(judged.surprise, lowest), (x, y)], ORANGE, 1.4, "4 3")
         drawing.dot(x, y, ORANGE, 4.0)
-        drawing.text(x + 9, y - 4, f"{reference_of(judged)}: {_share_words(p_value)}", ORANGE)
+        # Above those of one that is near.
+        words_y = y - 4 if abs(y - 4 - words_y) > 14 else words_y - 14
+        drawing.text(x + 9, words_y, f"{reference_of(judged)}: {_share_words(p_value)}", ORANGE)
     return drawing.svg()
 
 
