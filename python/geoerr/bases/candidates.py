@@ -36,7 +36,7 @@ def candidate_bases(
         `linear` (1, 2, ... two-node elements), `quadratic` (1, 2, ... three-node elements), `bspline` (cubic, 0, 1,
         ... inner knots), `polynomial` (degree 0, 1, ...). Element ends lie at the quantiles of the distinct
         positions, the middle nodes of three-node elements in the middle, and knots are spread like the positions,
-        those side by side being one.
+        where they lie side by side like every so manieth.
     most_functions
         No basis has more functions than this, nor than there are distinct positions.
 

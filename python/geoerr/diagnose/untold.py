@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.fit.classic import moves_in_its_pass
 from geoerr.fit.odd_directions import odd_rows
-from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
+from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 
@@ -29,13 +30,7 @@ def untold_rows(sightings: Sightings) -> npt.NDArray[np.bool_]:
     if not len(sightings):
         return np.zeros(0, dtype=bool)
     direction = variable_columns(sightings, [f"d_{axis}" for axis in AXES]).T
-    # Where rows were left out numbers of passes may be missing.
-    _, of_pass = np.unique(sightings.pass_number, return_inverse=True)
-    order = np.argsort(of_pass, kind="stable")
-    starts = np.flatnonzero(np.diff(of_pass[order], prepend=-1))
-    commanded_mm = sightings.commanded_mm[order]
-    span_mm = np.maximum.reduceat(commanded_mm, starts) - np.minimum.reduceat(commanded_mm, starts)
-    moves = (span_mm > SAME_POSITION_MM)[of_pass]
+    moves = np.stack([moves_in_its_pass(sightings, along_mm) for along_mm in sightings.commanded_mm.T], axis=1)
     # From which side the ends of a length were made is asked of effects that follow it alone.
     untold = np.asarray((np.isnan(direction) & moves).any(axis=1)) & ~sightings.of_kind("lengths")
     for is_odd in sightings.once("odd_rows", odd_rows).values():

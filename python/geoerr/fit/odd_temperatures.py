@@ -16,8 +16,6 @@ _KELVIN_DEGC = 273.15
 # Rooms, beds and frames, as a thermometer in kelvins has them. What is as hot in degrees melts filament.
 _LOW_K, _HIGH_K = _KELVIN_DEGC, _KELVIN_DEGC + 60.0
 _HOT = re.compile(r"nozzle|hot_?end|extruder|spindle|tool|head|heater(?!_bed)|_e\d")
-
-
 # The share of its variance that a temperature's scatter is: of less nothing is said, and of more it shows nothing
 # that an effect could follow.
 _LEAST_SCATTER, _MOST_SCATTER = 0.02, 0.5

@@ -49,6 +49,8 @@ def determined_bases(
         with_fewer = fit(fewer)
         if _n_open(with_fewer, rich) < _n_open(with_few, rich):
             few, with_few = fewer, with_fewer
+        if not _n_open(with_few, rich):
+            break
     least = _n_open(with_few, rich)
     if least >= _n_open(fitted, rich):
         return dict(rich), fitted
