@@ -57,6 +57,8 @@ class Diagnosis(Answer):
     has_unread
         Whether nothing is missing where every temperature is known, and this is of all rows, without what follows a
         temperature that is unknown in some.
+    rough
+        Why a wave was not named where few places tell it: a sentence each.
     """
 
     found: tuple[Finding, ...]
@@ -69,6 +71,7 @@ class Diagnosis(Answer):
     later_tied: tuple[tuple[Finding, ...], ...] = ()
     other_way: Diagnosis | None = None
     has_unread: bool = False
+    rough: tuple[str, ...] = ()
 
     @property
     def searched(self) -> Searched:
@@ -104,6 +107,7 @@ class Diagnosis(Answer):
             blames_cameras=any(one.is_rig for one in (*self.found, *self.tied)),
             other_way=self.other_way,
             has_unread=self.has_unread,
+            rough=self.rough,
         )
         return (*notes, *begun_warm(self.as_it_was, [one.term for one in self.found]))
 

@@ -20,6 +20,8 @@ from geoerr.observations import CARRIERS, PIXELS
 from geoerr.summaries import counted, listed
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from geoerr.diagnose.diagnosis import Diagnosis
 
 # A session that lasts longer, and a machine that moves faster from row to row, have times in another unit.
@@ -49,6 +51,7 @@ def notes_of(
     blames_cameras: bool = False,
     other_way: Diagnosis | None = None,
     has_unread: bool = False,
+    rough: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """Give them, a sentence each; none where nothing stands in the way.
 
@@ -67,6 +70,8 @@ def notes_of(
         were tried.
     has_unread
         Whether rows took part in which a temperature is unknown, and nothing that follows it.
+    rough
+        Why a wave was not named where few places tell it.
     """
     said = []
     is_held = comparison is not None and comparison.is_held
@@ -95,6 +100,7 @@ def notes_of(
             f"--rig rig.json{' --refit' if is_held else ''} lets it"
         )
     said += [
+        *rough,
         *([] if has_found or is_held else _not_carried_over(fitted)),
         *([] if has_found else _more_than_lengths_scatter(fitted)),
         *_beside_lengths(fitted.sightings),

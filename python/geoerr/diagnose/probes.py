@@ -24,7 +24,7 @@ from geoerr.observations import CARRIERS
 from geoerr.terms import EMPIRICAL
 
 _Degrees = tuple[tuple[int, int], ...]
-Form = Literal["smooth", "play", "waves", "hum"]
+Form = Literal["smooth", "play", "waves", "hum", "places"]
 # Degrees of the functions of one variable.
 _ONE = (1, 3, MOST_DEGREES)
 # Of two (each alone and their products): the low ones cost less. What no rigid body does is often a pattern over a
@@ -59,7 +59,8 @@ class Probe:
         How many sets of as many variables there are: each is as likely as another.
     form
         `smooth`; `play`: what a temperature leaves behind, trials are widths as shares of its range; `waves`: trials
-        are lengths in mm; `hum`: the trial is a frequency.
+        are lengths in mm; `hum`: the trial is a frequency; `places`: a number for each of a few places, and nothing
+        between them.
     """
 
     component: str

@@ -117,6 +117,7 @@ class _Summary:
             searched,
             later_tied,
             has_unread=searched.has_unread,
+            rough=tuple(one.words() for one in searched.rough if one.judged is not None),
         )
         if verdict == "ambiguous":
             diagnosis = self._with_advice(diagnosis)
@@ -307,11 +308,12 @@ class _Summary:
         earlier = [one.settled.term for one in self.searched.found]
         curve, held_out = None, None
         before = with_terms(self.fitted, earlier)
-        # Of what the model has in part the data may leave nothing to draw a curve by.
-        with contextlib.suppress(InputFileError):
-            term = empirical_term(before, reference)
-            after = fit_again(before, [*before.terms, term])
-            curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
+        # Of what the model has in part the data may leave nothing to draw a curve by; between places there is none.
+        if probe.form != "places":
+            with contextlib.suppress(InputFileError):
+                term = empirical_term(before, reference)
+                after = fit_again(before, [*before.terms, term])
+                curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
         columns = self.fitted.sightings.covariate_columns
         moved_um = displacement_um(settled.space, settled.moved)
         return Unknown(

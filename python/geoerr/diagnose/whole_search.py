@@ -128,9 +128,14 @@ def _fitted_beside(fitted: Fitted, searched: Searched, rounds: RoundSteps) -> Fi
 
 
 def _term_of(fitted: Fitted, found: Found) -> Term | None:
-    """Give what was found as a term: a curve of what has no name; None where the data leave nothing to draw it by."""
+    """Give what was found as a term: a curve of what has no name; None where the data leave nothing to draw it by.
+
+    Nor is there one between places that are off by something each.
+    """
     if not isinstance(found.judged.what, Probe):
         return found.settled.term
+    if found.judged.what.form == "places":
+        return None
     with contextlib.suppress(InputFileError):
         return empirical_term(fitted, curve_reference(found.judged.what, channel_of(found.judged)))
     return None

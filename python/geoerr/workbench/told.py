@@ -217,7 +217,8 @@ def _suspect(one: Cause, why: str, titles: Mapping[str, str]) -> Card:
 
 def _unknown(unknown: Unknown) -> Card:
     title, said = "Something without a name", (("", unknown.words()),)
-    return Card(unknown.reference, title, said=said, adds=f"Add as a {unknown.form}", is_main=True)
+    adds = "" if unknown.curve is None else f"Add as a {unknown.form}"
+    return Card(unknown.reference, title, said=said, adds=adds, is_main=True)
 
 
 def _advice(one: Named, titles: Mapping[str, str]) -> tuple[Line, ...]:

@@ -44,6 +44,7 @@ from geoerr.diagnose.search.nameless import (
 )
 from geoerr.diagnose.search.own_noise import in_own_noise
 from geoerr.diagnose.search.rivals import Found, Rival, rivals_of
+from geoerr.diagnose.search.rough import RoughError, rough_error
 from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.diagnose.space import Space
@@ -95,6 +96,8 @@ class Searched:
         What passed for more than chance and was not added all the same, and why.
     has_unread
         Whether rows took part in which a temperature is unknown, and nothing that follows it.
+    rough
+        Rough errors of axes that explain as much as a wave would.
     """
 
     bench: Bench
@@ -107,6 +110,7 @@ class Searched:
     ends_early: bool = False
     dropped: Mapping[EffectReference, str] = field(default_factory=dict)
     has_unread: bool = False
+    rough: tuple[RoughError, ...] = ()
 
     @property
     def finds_nothing(self) -> bool:
@@ -183,6 +187,7 @@ def search(
     aside: list[Numbers] = []
     # Columns of errors of an axis with more freedom than the fit gave them.
     finer: list[Numbers] = []
+    rough: list[RoughError] = []
     first: Round | None = None
     ends_early = False
     dropped: dict[EffectReference, str] = {}
@@ -201,9 +206,14 @@ def search(
         best, probe = _claims(looked, level, found, unknown)
         formed = None if best is None else _formed(bench, looked, best, added, steps)
         more = _finer(bench, looked, best, formed, probe, found)
+        own = [] if more is not None else _rough(bench, looked, formed, added, ends_beside_large)
+        more = own[0].columns if own else more
         if more is not None:
             finer.append(more)
-            first = first if found or unknown is not None else None
+            rough += own
+            dropped |= {one.wave: "no likelier than something else at each place" for one in own}
+            is_told = found or unknown is not None or any(one.judged is not None for one in rough)
+            first = first if is_told else None
             continue
         uneven = None if probe is None else unevenness(looked, found, best, probe)
         if uneven is not None:
@@ -256,8 +266,19 @@ def search(
     dropped |= harmful
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
+    unknown = unknown or _largest_of_rough(bench, rough, [*finer, *named], looked)
     return Searched(
-        bench, first, looked, together, unknown, not_offered, tuple(beside), ends_early, dropped, with_unread
+        bench,
+        first,
+        looked,
+        together,
+        unknown,
+        not_offered,
+        tuple(beside),
+        ends_early,
+        dropped,
+        with_unread,
+        tuple(rough),
     )
 
 
@@ -380,7 +401,7 @@ def _finer(
     probe: Judged | None,
     found: Sequence[Found],
 ) -> Numbers | None:
-    """Give the model more freedom where that does as well as the best of names and probes.
+    """Give the model more knots where they do as well as the best of names and probes.
 
     A name in the form and at the values that the data ask for, and as it was found: of a wave with a second harmonic
     one harmonic is a part, and one midway between two periods that were tried gains more than at either; so many
@@ -396,6 +417,24 @@ def _finer(
     return finer_functions(bench, looked, *claim, [term for term in smooth if term is not None])
 
 
+def _rough(
+    bench: Bench,
+    looked: Round,
+    formed: tuple[Judged, Settled] | None,
+    added: Sequence[Numbers],
+    ends_beside_large: Sequence[str] | None,
+) -> list[RoughError]:
+    """Give the rough error that is as likely as the best name, if that is a wave, and there is one.
+
+    Not where the search ends with it: knots that have followed a wave leave little to say it by, and in the fit
+    beside it, which is searched again, they are fewer.
+    """
+    own = None if formed is None else rough_error(bench, looked, *formed)
+    if own is None or formed is None or _is_large_and_new(bench, formed[1], added, ends_beside_large):
+        return []
+    return [own]
+
+
 def _is_smooth(found: Found) -> bool:
     """Tell whether what was found is an error of an axis that the model lacked."""
     return isinstance(found.judged.what, Candidate) and found.judged.what.effect.is_smooth
@@ -403,6 +442,19 @@ def _is_smooth(found: Found) -> bool:
 
 def _nameless(looked: Round, probe: Judged) -> Found:
     return Found(probe, settle(looked.space, looked.scanner, probe), (), looked)
+
+
+def _largest_of_rough(
+    bench: Bench, rough: Sequence[RoughError], others: Sequence[Numbers], last: Round
+) -> Found | None:
+    """Give rough errors of few places, which may be a wave, as what has no name: the largest of them."""
+    found = []
+    for one in rough:
+        if one.judged is not None:
+            beside = [columns for columns in others if columns is not one.columns]
+            own = _nameless_at_last(bench, _nameless(last, one.judged), beside, last)
+            found += [] if own is None else [own]
+    return max(found, key=lambda one: one.at_last.gain, default=None)
 
 
 def _nameless_at_last(bench: Bench, unknown: Found | None, others: Sequence[Numbers], last: Round) -> Found | None:

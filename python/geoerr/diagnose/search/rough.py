@@ -1,0 +1,232 @@
+"""A wave along an axis, and a rough error of that axis which would pass for one.
+
+Repeats say how well the error at a place is known, and held-out passes may see the same places again: neither knows
+what is between them. Where a machine is off by something else at each of twenty places, one wave among the thousand
+that are tried meets most of that by chance; and of a step, a bump or a table that the model's knots do not follow
+some wave always does a part. So the wave is asked for beside errors that are as rough as the data make them.
+
+| symbol | code | what |
+|---|---|---|
+| B | `_at_places` | whitened columns of an error of 1 mm at each place, or cell of places, off the model |
+| C | `_covariances` | covariance of the errors at the places, of size 1 |
+| W | `Settled.raw` | columns of the wave |
+| τ² | `_SIZES` | how rough: the errors' variance in units of what the data can see |
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.diagnose.candidates import is_wave_in_some_form
+from geoerr.diagnose.probes import Probe, bodies, shapes_on
+from geoerr.diagnose.scan import seen
+from geoerr.diagnose.search.bench import Bench
+from geoerr.diagnose.search.judged import Judged, evidence_of
+from geoerr.diagnose.search.look import Round
+from geoerr.diagnose.search.settle import Settled
+from geoerr.fit.classic import positions_by_axis
+from geoerr.fit.periods import place_of_period
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
+from geoerr.machine import AXES
+from geoerr.terms import EffectReference
+
+# More places than these are taken together in as many cells, between whose middles an error runs straight.
+_MOST_PLACES = 100
+_SIZES = np.geomspace(1e-3, 1e6, 73)
+# Directions of the wave below this share of the largest are none of its own.
+_DEPENDENT = 1e-8
+# Cosine between what a channel does and what a direction of the base does, if they are one.
+_THE_SAME = 0.99
+
+
+@dataclass(frozen=True, eq=False)
+class RoughError:
+    """A rough error of an axis that explains as much as a wave would.
+
+    Attributes
+    ----------
+    axis, n_places
+        Of which, and at how many places it was measured.
+    wave, period_mm
+        The wave.
+    columns : (n, 3, k)
+        An error for each place, or cell of places.
+    judged
+        The same as a probe, to be told as what has no name; None where places are many, so that the model's own
+        function could follow it with more knots, or where it is no displacement along one axis.
+    """
+
+    axis: str
+    n_places: int
+    wave: EffectReference
+    period_mm: float
+    columns: Numbers
+    judged: Judged | None
+
+    def words(self) -> str:
+        """Say why the wave was not named, and what would tell."""
+        return (
+            f"at {self.n_places} places of {self.axis} a wave of {self.period_mm:.4g} mm ({self.wave}), the best of "
+            "the many that were tried, is no likelier a cause of what the model leaves there than something else at "
+            f"each place: measure {self.axis} at places between these, where a wave goes on"
+        )
+
+
+def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) -> RoughError | None:
+    """Give the rough error that is as likely as a wave; None of what is no wave along an axis, or is likelier.
+
+    Parameters
+    ----------
+    claim, settled
+        A candidate, and its values. At many places it has to be one that functions of a model do that are free:
+        what a model that is held does not follow is missing in it.
+
+    Notes
+    -----
+    With errors N(0, τ² C) at the places the data's covariance is S = 1 + τ² B C Bᵀ, and their evidence against noise
+    alone is −½ ln det S + ½ rᵀ(1 − S⁻¹)r: a rough error has the largest of that over τ and C. Beside it the wave
+    falls by G = rᵀS⁻¹W (WᵀS⁻¹W)⁻¹ WᵀS⁻¹r in k directions, and has the evidence of `of_directions` more, less ln n for
+    the n that were tried: it is named where that is the larger one, 0 among the τ of both.
+    """
+    term = settled.term
+    place = None if term is None else place_of_period(term)
+    if term is None or place is None or isinstance(claim.what, Probe) or term.variables[0] not in AXES:
+        return None
+    if not is_wave_in_some_form(bench.functions, claim.what):
+        return None
+    axis = term.variables[0]
+    places_mm = _places_mm(bench, axis)
+    is_few, cells_mm = len(places_mm) <= _MOST_PLACES, places_mm
+    if not is_few:
+        if not _is_free(bench, axis, claim):
+            return None
+        cells_mm = np.linspace(places_mm[0], places_mm[-1], _MOST_PLACES)
+    at_places = _at_places(bench, axis, cells_mm)
+    channels = [bench.channels[name] * factor for name, factor in claim.shapes.channels]
+    columns = np.concatenate([own[:, :, None] * at_places[:, None, :] for own in channels], axis=2)
+    waves = settled.raw[:, :, : len(term.coefficients)]
+    own = seen(looked.space, np.concatenate([columns, waves], axis=2))
+    gram, score = own.gram_beyond, own.score(looked.space)
+    rough, with_wave = -math.inf, -math.inf
+    for covariance in _covariances(cells_mm, len(channels)):
+        alone, beside = _evidence(gram, score, covariance)
+        rough, with_wave = max(rough, alone), max(with_wave, beside)
+    if rough <= 0.0 or with_wave - math.log(claim.what.n_trials) > rough:
+        return None
+    probe = _as_probe(bench, looked, claim, axis, at_places, channels) if is_few else None
+    return RoughError(axis, len(places_mm), claim.what.reference, term.inner[place].value, columns, probe)
+
+
+def of_directions(gain: Numbers, rank: int) -> Numbers:
+    """Give the evidence of k directions that are off by something, as large as it is likeliest, against noise alone.
+
+    With errors of variance v along each beside noise of 1 it is −k/2 ln(1 + v) + G/2 v/(1 + v), G the fall of the sum
+    of squares; likeliest is 1 + v = G/k.
+    """
+    scale = np.maximum(gain / rank, 1.0)
+    return np.asarray(0.5 * (gain * (1.0 - 1.0 / scale) - rank * np.log(scale)))
+
+
+def _evidence(gram: Numbers, score: Numbers, covariance: Numbers) -> tuple[float, float]:
+    """Give the largest evidence of rough errors alone, and of a wave beside them, against noise alone.
+
+    Parameters
+    ----------
+    gram : (k + m, k + m)
+        Products of columns at places, then of the wave's, with each other.
+    score : (k + m,)
+        Their products with the residual.
+    covariance : (k, k)
+        Of the errors at places.
+    """
+    k = len(covariance)
+    size, turn = np.linalg.eigh(covariance)
+    root = turn * np.sqrt(np.maximum(size, 0.0))
+    seen_size, turn = np.linalg.eigh(root.T @ gram[:k, :k] @ root)
+    root, seen_size = root @ turn, np.maximum(seen_size, 0.0)
+    along, across = root.T @ score[:k], root.T @ gram[:k, k:]
+    tau = np.append(0.0, _SIZES / max(float(seen_size.mean()), 1e-300))[:, None]
+    shrunk = tau / (1.0 + tau * seen_size)
+    alone = 0.5 * (shrunk * along**2 - np.log1p(tau * seen_size)).sum(axis=1)
+    left = score[k:] - (shrunk * along) @ across
+    inside = gram[k:, k:] - np.einsum("tk,ki,kj->tij", shrunk, across, across)
+    share, turns = np.linalg.eigh(inside)
+    is_own = share > _DEPENDENT * np.trace(gram[k:, k:])
+    turned = np.einsum("tij,ti->tj", turns, left)
+    gain = (np.where(is_own, turned, 0.0) ** 2 / np.where(is_own, share, 1.0)).sum(axis=1)
+    beside = alone + of_directions(gain, len(score) - k)
+    return float(alone.max()), float(beside.max())
+
+
+def _covariances(cells_mm: Numbers, n_channels: int) -> Iterator[Numbers]:
+    """Give covariances of errors that have nothing to do with each other, that wander, and whose slope wanders.
+
+    The last two are Wiener's process and its integral, of which a cubic spline is the likeliest curve.
+    """
+    at = (cells_mm - cells_mm[0]) / (cells_mm[-1] - cells_mm[0])
+    low, high = np.minimum.outer(at, at), np.maximum.outer(at, at)
+    for one in (np.eye(len(at)), low, low**2 * (3.0 * high - low) / 6.0):
+        yield np.kron(np.eye(n_channels), one)
+
+
+def _is_free(bench: Bench, axis: str, claim: Judged) -> bool:
+    """Tell whether the model has a function of its own, along the axis, on each channel of a claim."""
+    free = {
+        part.channel
+        for term in bench.fitted.terms
+        for part in term.parts
+        if part.basis is not None and part.basis.axis == axis
+    }
+    return {channel for channel, _ in claim.shapes.channels} <= free
+
+
+def _places_mm(bench: Bench, axis: str) -> Numbers:
+    counts = bench.rows.any(axis=1)
+    return positions_by_axis(bench.fitted.sightings.commanded_mm[counts], SAME_POSITION_MM)[axis]
+
+
+def _at_places(bench: Bench, axis: str, cells_mm: Numbers) -> Numbers:
+    """Give what an error of 1 mm at each of some places is at each row, (n, n_places): straight between them."""
+    along_mm = bench.fitted.sightings.commanded_mm[:, AXES.index(axis)]
+    unit = np.eye(len(cells_mm))
+    return np.stack([np.interp(along_mm, cells_mm, own) for own in unit], axis=1)
+
+
+def _as_probe(
+    bench: Bench, looked: Round, claim: Judged, axis: str, at_places: Numbers, channels: list[Numbers]
+) -> Judged | None:
+    """Give an error for each place as a probe along the axis of the base along which the wave acts."""
+    alike = {
+        (body, component): _cosine(channels[0], bench.channels[f"{body}-{component}"])
+        for body in bodies(bench.fitted)
+        for component in AXES
+        if f"{body}-{component}" in bench.names
+    }
+    (body, component), most = max(alike.items(), key=lambda one: one[1], default=(("", ""), 0.0))
+    if len(channels) > 1 or most < _THE_SAME:
+        return None
+    codes = [bench.functions.given(own) for own in np.ascontiguousarray(at_places.T)]
+    shapes = shapes_on(f"{body}-{component}", [codes])
+    probe = Probe(component, (axis,), (shapes,), len(AXES), "places")
+    scanned = looked.scanner.exact(shapes)
+    evidence = float(evidence_of(looked.space, scanned.gain, scanned.rank, probe.n_sets)[0])
+    return Judged(
+        probe,
+        shapes,
+        0,
+        float(scanned.gain[0]),
+        int(scanned.rank[0]),
+        claim.surprise,
+        evidence,
+        claim.p_value,
+        float(scanned.share[0]),
+    )
+
+
+def _cosine(one: Numbers, other: Numbers) -> float:
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return abs(float((one * other).sum())) / size if size > 0.0 else 0.0

@@ -1,0 +1,85 @@
+"""A wave along an axis, and a rough error of that axis which would pass for one."""
+
+import numpy as np
+import pytest
+from validation.fine_errors import LENGTH_MM, MACHINE, Curve, measured, nothing, screw, step, table
+
+from geoerr.diagnose import diagnose
+from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.diagnose.search.rough import _covariances, _evidence, of_directions
+from geoerr.fit import fit_model
+
+
+def diagnosed(seed: int, curve: Curve, noise_um: float, n_same: int | None) -> Diagnosis:
+    """Diagnose a machine that is off by the same curve along each axis."""
+    observations = measured(np.random.default_rng(seed), [curve] * 3, noise_um, n_same)
+    return diagnose(fit_model(MACHINE, observations).fitted, threads=1)
+
+
+def log_density(residual: np.ndarray, covariance: np.ndarray) -> float:
+    """Give that of a Gaussian variable, but for a constant."""
+    return -0.5 * float(np.linalg.slogdet(covariance)[1] + residual @ np.linalg.solve(covariance, residual))
+
+
+def test_evidence_is_that_of_gaussian_densities() -> None:
+    """The densities themselves, at the likeliest sizes, with covariances written out."""
+    rng = np.random.default_rng(3)
+    n, places_mm = 40, np.sort(rng.uniform(0.0, LENGTH_MM, 9))
+    at_places, wave, residual = rng.normal(size=(n, 9)), rng.normal(size=(n, 2)), 2.0 * rng.normal(size=n)
+    residual += wave @ [4.0, -3.0] + at_places @ rng.normal(size=9)
+    columns = np.concatenate([at_places, wave], axis=1)
+    noise = log_density(residual, np.eye(n))
+    for covariance in _covariances(places_mm, 1):
+        alone, beside = [], []
+        for variance in np.append(0.0, np.geomspace(1e-4, 1e8, 400)):
+            whole = np.eye(n) + variance * at_places @ covariance @ at_places.T
+            alone.append(log_density(residual, whole) - noise)
+            inverse = np.linalg.inv(whole)
+            own = wave.T @ inverse @ wave
+            along = wave.T @ inverse @ residual
+            size = max(float(along @ np.linalg.solve(own, along)) / 2.0 - 1.0, 0.0)
+            with_wave = whole + size * wave @ np.linalg.solve(own, wave.T)
+            beside.append(log_density(residual, with_wave) - noise)
+        found = _evidence(columns.T @ columns, columns.T @ residual, covariance)
+        # Between the sizes that each of the two tries.
+        assert found == pytest.approx((max(alone), max(beside)), abs=0.1)
+
+
+def test_directions_that_are_off_by_less_than_noise_have_no_evidence() -> None:
+    gains = np.array([0.0, 1.0, 2.0, 4.0, 40.0])
+    found = of_directions(gains, 2)
+    assert found[:3] == pytest.approx(0.0)
+    assert found[3] == pytest.approx(0.5 * (4.0 - 2.0) - np.log(2.0))
+    assert (np.diff(found) >= 0.0).all()
+
+
+@pytest.mark.parametrize("n_same", [21, 41])
+@pytest.mark.parametrize("draw", [table, step])
+def test_something_else_at_each_place_is_no_wave(draw: type[Curve], n_same: int) -> None:
+    """One of two had a wave: 1.6 µm each 0.9 mm, ± 0.00004 mm, where a table of 21 entries was meant."""
+    nameless = []
+    for seed in range(3):
+        diagnosis = diagnosed(seed, draw(np.random.default_rng(seed)), 10.0, n_same)
+        assert not diagnosis.found
+        nameless += [] if diagnosis.unknown is None else [diagnosis]
+    for diagnosis in nameless:
+        assert diagnosis.unknown is not None
+        (axis,) = diagnosis.unknown.depends_on
+        assert diagnosis.unknown.component == axis
+        assert diagnosis.unknown.curve is None
+        assert any(f"measure {axis} at places between these" in note for note in diagnosis.notes)
+        assert diagnosis.without_numbers().notes == diagnosis.notes
+
+
+def test_a_wave_beside_rough_errors_is_named_where_places_tell_it() -> None:
+    rough = table(np.random.default_rng(1))
+    diagnosis = diagnosed(1, lambda q: rough(q) + screw(q), 2.0, None)
+    assert {str(one.reference) for one in diagnosis.found} == {"periodic:x", "periodic:y", "periodic:z"}
+    for one in diagnosis.found:
+        assert next(p for p in one.parameters if p.name == "P").value == pytest.approx(5.0, abs=0.02)
+
+
+@pytest.mark.parametrize("n_same", [21, None])
+def test_a_wave_alone_is_named(n_same: int | None) -> None:
+    diagnosis = diagnosed(2, lambda q: nothing(np.random.default_rng(0))(q) + screw(q), 2.0, n_same)
+    assert {str(one.reference) for one in diagnosis.found} == {"periodic:x", "periodic:y", "periodic:z"}
