@@ -41,6 +41,7 @@ from geoerr.fit.unbelievable import (
     unbelievable_rows,
 )
 from geoerr.fit.weights import weighed
+from geoerr.fit.wide_gaps import wide_gaps
 from geoerr.machine import AXES, Machine
 from geoerr.model.called import check_tables
 from geoerr.observations import CARRIERS, CircularTest, Lengths, MeasuredTable, Observations
@@ -90,6 +91,7 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         *odd_temperatures(joined),
         *odd_devices(joined),
         *odd_directions(joined),
+        *wide_gaps(joined),
         *targets_that_moved(joined),
     )
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
