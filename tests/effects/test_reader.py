@@ -298,6 +298,41 @@ def test_what_does_not_fit_together_is_refused(tmp_path: Path, body: str, proble
         load(tmp_path, SHORT.format(body))
 
 
+AGAIN = (
+    SHORT.format('channel = "along"\naxes = ["x", "y"]\nexpression = "k*q*q"')
+    + """
+[[effect]]
+id = "own-second"
+again = "{0}"
+title = "Once more"
+{1}
+"""
+)
+
+
+def test_an_effect_may_be_there_twice(tmp_path: Path) -> None:
+    first, second = load(tmp_path, AGAIN.format("own", 'cause = "another part"'))
+    assert (second.id, second.title, second.cause, second.again) == ("own-second", "Once more", "another part", "own")
+    assert first.again is None
+    assert (second.forms, second.axes, second.coefficients) == (first.forms, first.axes, first.coefficients)
+    one, other = (effect.term("x", None, machine()) for effect in (first, second))
+    assert (one.id, other.id) == ("own:x", "own-second:x")
+    assert one.parts == other.parts
+
+
+@pytest.mark.parametrize(
+    ("name", "more", "problem"),
+    [
+        ("owl", "", "'owl' is no effect above"),
+        ("own-second", "", "'own-second' is no effect above"),
+        ("own", 'expression = "k*q"', "expression.*stands beside again"),
+    ],
+)
+def test_what_is_there_twice_says_no_more_than_words(tmp_path: Path, name: str, more: str, problem: str) -> None:
+    with pytest.raises(InputFileError, match=problem):
+        load(tmp_path, AGAIN.format(name, more))
+
+
 def test_a_range_of_the_axis_needs_an_axis(tmp_path: Path) -> None:
     body = 'channel = "rig"\ndirection = "tx"\nexpression = "k*sin(x/p)"\n[effect.inner.p]\nrange = "axis"'
     with pytest.raises(InputFileError, match="there is none"):

@@ -165,7 +165,7 @@ def candidates_of(
             fitted.machine, columns, n_sessions=sightings.n_set_ups, is_circular=is_circular
         )
         for reference in references:
-            if str(reference) in taken:
+            if str(reference) in taken or not _has_its_first(effect, reference, taken):
                 continue
             terms, refined = (
                 [term for term in own if not _stands_still(fitted, term, still)]
@@ -173,13 +173,23 @@ def candidates_of(
             )
             if terms:
                 offered.append((reference, effect, terms, refined))
-        if references and len(offered) == n_before and not any(str(one) in taken for one in references):
+        if (
+            references
+            and effect.again is None
+            and len(offered) == n_before
+            and not any(str(one) in taken for one in references)
+        ):
             not_offered.append((effect.id, "wanting: rows at more than one position of its axis"))
     all_terms = [term for *_, terms, refined in offered for term in (*terms, *refined)]
     functions = Functions(fitted, all_terms)
     judge_about_means(fitted, functions, all_terms)
     found, faded = _laid_out(functions, offered, fitted.solved.used)
     return found, [*not_offered, *faded], functions
+
+
+def _has_its_first(effect: Effect, reference: EffectReference, taken: set[str]) -> bool:
+    """Tell whether an effect is none that stands only beside another, or that one is in the model."""
+    return effect.again is None or str(replace(reference, effect=effect.again)) in taken
 
 
 def _laid_out(

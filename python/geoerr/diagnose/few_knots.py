@@ -16,7 +16,7 @@ from geoerr.diagnose.steps import Steps
 from geoerr.fit import Fitted, refit
 from geoerr.fit.classic import positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM
-from geoerr.fit.wavy import MANY_WAVES, follows_waves, may_be_followed, without_waves
+from geoerr.fit.wavy import MANY_WAVES, follows_waves, may_be_followed, with_few_knots_along, without_waves
 from geoerr.terms import Term
 
 
@@ -45,6 +45,7 @@ def with_few_knots(fitted: Fitted, offers: Offers, *, steps: Steps, threads: int
     plain = without_waves(fitted)
     if plain is None:
         return None
+    plain = with_few_knots_along(fitted, plain)
     steps.next("whether the model's curves follow waves")
     few = refit(fitted, plain)
     changed = tuple(before for before, after in zip(fitted.terms, plain, strict=True) if after != before)

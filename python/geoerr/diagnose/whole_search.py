@@ -11,7 +11,7 @@ would be called another formula: it is taken off, as the fit beside has it.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -60,7 +60,8 @@ def searched_whole(
     offers = Offers(known, present)
     few = with_few_knots(fitted, offers, steps=steps, threads=threads)
     if few is not None:
-        beside_few = _searched(few.fitted, offers, doubt, steps, threads)
+        kept = {term.id for term in few.changed}
+        beside_few = _searched(few.fitted, offers, doubt, steps, threads, kept=kept)
         if few.is_named_in(beside_few[1]):
             return beside_few
     again, searched = _searched(fitted, offers, doubt, steps, threads)
@@ -81,8 +82,12 @@ def _searched(
     threads: int,
     *,
     with_unread: bool = False,
+    kept: Collection[str] = (),
 ) -> tuple[Fitted, Searched]:
-    """Search, and search again beside what was large; give the last search and the fit that it was of."""
+    """Search, and search again beside what was large; give the last search and the fit that it was of.
+
+    Errors of axes that are kept have few knots, and no more beside what was large: they would follow the next wave.
+    """
     again, explained, beside_large = fitted, None, list[str]()
     rounds = RoundSteps(steps)
     looked_for = partial(
@@ -104,7 +109,7 @@ def _searched(
         beside = _fitted_beside(fitted, searched, rounds) if is_first or searched.ends_early else None
         if beside is None:
             break
-        again, explained = _as_beside(fitted, beside)
+        again, explained = _as_beside(fitted, beside, kept)
         beside_large = [term.id for term in beside.terms[len(fitted.terms) :]]
     assert searched is not None
     if searched.ends_early:
@@ -141,13 +146,14 @@ def _term_of(fitted: Fitted, found: Found) -> Term | None:
     return None
 
 
-def _as_beside(fitted: Fitted, beside: Fitted) -> tuple[Fitted, Numbers]:
+def _as_beside(fitted: Fitted, beside: Fitted, kept: Collection[str]) -> tuple[Fitted, Numbers]:
     """Give the fit with the bases, gross rows and frames of the one beside what was found; and what that explains.
 
     A frame follows what is missing, too: of a quarter of a millimetre of play a milliradian makes another error. Rows
     without the column of what was found hold it all the same: they are left out, as they are where it is added.
     """
-    own = (choose_again(beside) or beside.terms)[: len(fitted.terms)]
+    chosen = choose_again(beside) or beside.terms
+    own = tuple(before if before.id in kept else term for before, term in zip(fitted.terms, chosen, strict=False))
     has_all, has_own = (has_covariates(fitted.machine, fitted.sightings, terms) for terms in (beside.terms, own))
     used = np.zeros(len(has_all), dtype=bool)
     used[has_all] = beside.solved.used

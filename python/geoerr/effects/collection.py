@@ -203,4 +203,5 @@ def _mentioned(effect: Effect) -> dict[str, list[str]]:
         "twins": [twin.effect for twin in effect.twins],
         "contains": list(effect.contains),
         "offered_as": [] if effect.offered_as is None else [effect.offered_as],
+        "again": [] if effect.again is None else [effect.again],
     }

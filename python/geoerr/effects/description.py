@@ -181,6 +181,8 @@ class Description:
         Whether its coefficients repeat for each session after the first.
     any_size
         Of an entry without coefficients: why it has no usual size.
+    again
+        Id of the effect whose formula it has once more: a candidate only beside that one on the same axis.
     """
 
     id: str
@@ -206,3 +208,4 @@ class Description:
     only_circular: bool = False
     each_session: bool = False
     any_size: str = ""
+    again: str | None = None

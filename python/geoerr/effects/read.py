@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,7 @@ _PART_KEYS = ("channel", "axis", "direction", "expression", "turns_on_work_side"
 _FORM_KEYS = ("name", "covariates", "part", *_PART_KEYS)
 EFFECT_KEYS = (
     *("id", "title", "axes", "covariates", "source", "looks_like", "cause", "remedy", "mistaken_for", "twins"),
-    *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session"),
+    *("contains", "classic", "basis", "detector", "offered_as", "only_circular", "each_session", "again"),
     *("one_direction", "part", "form", "coefficients", "inner", "plausible", *_PART_KEYS),
 )
 # Units that a person may mean, and those that a formula is in.
@@ -50,6 +51,8 @@ _OTHER_UNITS = {
     **dict.fromkeys(("µrad", "μrad", "urad", "mrad", "deg", "°", "arcsec"), "rad"),
     **dict.fromkeys(("ms", "min", "h"), "s"),
 }
+# What an entry says for itself that has the formula of another one.
+_AGAIN_KEYS = ("id", "title", "again", "source", "looks_like", "cause", "remedy", "mistaken_for")
 PARAMETER_KEYS = ("what", "unit", "plausible", "range", "spacing", "sign")
 _RANGES = ("axis", *AXES, "time")
 _SIGNS = {"any": 0, "positive": 1, "negative": -1}
@@ -72,7 +75,10 @@ def read_descriptions(path: str | Path, origin: TermSource) -> tuple[Description
     family = Path(path).stem
     descriptions: list[Description] = []
     for number, table in enumerate(tables, start=1):
-        description = _description(table, number, path, family, origin)
+        if "again" in table:
+            description = _once_more(table, number, path, descriptions)
+        else:
+            description = _description(table, number, path, family, origin)
         if any(description.id == earlier.id for earlier in descriptions):
             raise InputFileError(
                 path, "is described twice", column=f"effect {description.id!r}", remedy="give the second another id"
@@ -84,10 +90,7 @@ def read_descriptions(path: str | Path, origin: TermSource) -> tuple[Description
 def _description(
     table: dict[str, Any], number: int, path: str | Path, family: str, origin: TermSource
 ) -> Description:
-    name = Entries(table, path, f"effect {number}", number).only(EFFECT_KEYS).text("id")
-    entries = Entries(table, path, f"effect {shortened(name)}", number)
-    if not is_effect_id(name):
-        raise entries.refuse("id", f"{shortened(name)} is not an id", _ID_HINT)
+    name, entries = _named(table, number, path)
     channel = _channel(entries)
     axes = _axes(entries, channel)
     detector = entries.text("detector", choices=DETECTORS) if "detector" in table else None
@@ -118,6 +121,40 @@ def _description(
         only_circular=entries.flag("only_circular"),
         each_session=entries.flag("each_session"),
         any_size=_any_size(entries),
+    )
+
+
+def _named(table: dict[str, Any], number: int, path: str | Path) -> tuple[str, Entries]:
+    name = Entries(table, path, f"effect {number}", number).only(EFFECT_KEYS).text("id")
+    entries = Entries(table, path, f"effect {shortened(name)}", number)
+    if not is_effect_id(name):
+        raise entries.refuse("id", f"{shortened(name)} is not an id", _ID_HINT)
+    return name, entries
+
+
+def _once_more(table: dict[str, Any], number: int, path: str | Path, earlier: Sequence[Description]) -> Description:
+    """Read an entry that has the formula of an earlier one of its file, in words of its own."""
+    name, entries = _named(table, number, path)
+    again = entries.text("again")
+    first = next((one for one in earlier if one.id == again), None)
+    if first is None:
+        remedy = "it is for what may be there twice: name an effect that stands before it in the file"
+        raise entries.refuse("again", f"{shortened(again)} is no effect above", remedy)
+    for key in table:
+        if key in EFFECT_KEYS and key not in _AGAIN_KEYS:
+            raise entries.refuse(key, "stands beside again", f"leave it out: it is that of {again}")
+    return replace(
+        first,
+        id=name,
+        title=entries.text("title", name),
+        source=entries.text("source", first.source),
+        looks_like=entries.text("looks_like", first.looks_like),
+        cause=entries.text("cause", first.cause),
+        remedy=entries.text("remedy", first.remedy),
+        mistaken_for=tuple(_rival(item) for item in entries.tables("mistaken_for")) or first.mistaken_for,
+        twins=(),
+        contains=(),
+        again=again,
     )
 
 

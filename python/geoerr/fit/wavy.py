@@ -64,6 +64,27 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
     return None if tuple(terms) == tuple(fitted.terms) else tuple(terms)
 
 
+def with_few_knots_along(fitted: Fitted, terms: Sequence[Term]) -> tuple[Term, ...]:
+    """Give terms with few knots in all errors of an axis of which one has fewer than in a fit.
+
+    Errors of one axis go together where targets and the other axes hardly move: what follows a wave then is all of
+    them, and of none alone a wave would do as much.
+    """
+    axes = {_axis_of(one) for before, one in zip(fitted.terms, terms, strict=True) if one != before}
+    positions = positions_by_axis(fitted.sightings.commanded_mm, SAME_POSITION_MM)
+    return tuple(
+        on_basis(one, spline_over(basis.axis, positions[basis.axis], _SMOOTH))
+        if (basis := _many_knots(one)) is not None and basis.axis in axes
+        else one
+        for one in terms
+    )
+
+
+def _axis_of(term: Term) -> str | None:
+    basis = term.parts[0].basis
+    return None if basis is None else basis.axis
+
+
 def may_be_followed(own: Term, effect: Term) -> bool:
     """Tell whether an error of an axis has many knots and acts where an effect of its position alone does."""
     basis = _many_knots(own)

@@ -115,7 +115,8 @@ def suspects_of(
     for name, axis in _named(runs):
         found += _suspect(runs, known[name], axis, why_not)
     for effect in own:
-        found += _own(runs, effect, why_not)
+        # What stands beside another only is looked for where that was found, among points.
+        found += _own(runs, effect, why_not) if effect.again is None else []
     offered = {one.reference.effect for one in found}
     for effect in known:
         if effect.id not in offered:

@@ -42,6 +42,7 @@ from geoerr.diagnose.search.nameless import (
     unevenness,
     without_remainders,
 )
+from geoerr.diagnose.search.once_more import by_first_names, once_more
 from geoerr.diagnose.search.own_noise import in_own_noise
 from geoerr.diagnose.search.rivals import Found, Rival, rivals_of
 from geoerr.diagnose.search.rough import RoughError, rough_error
@@ -257,6 +258,7 @@ def search(
         dropped |= gone
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
+        candidates += once_more(best.what, offers.known)
     assert first is not None
     steps.next("each of what was found beside the others")
     beside = [*finer, *aside]
@@ -264,6 +266,7 @@ def search(
     dropped |= _gone(found, together, "nothing of it is left beside what was found")
     together, harmful = _that_help(bench, together, finer, aside, looked)
     dropped |= harmful
+    together = tuple(by_first_names(together, [term.id for term in fitted.terms], offers.known))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     unknown = unknown or _largest_of_rough(bench, rough, [*finer, *named], looked)
