@@ -6,7 +6,7 @@ from validation.fine_errors import LENGTH_MM, MACHINE, Curve, measured, nothing,
 
 from geoerr.diagnose import diagnose
 from geoerr.diagnose.diagnosis import Diagnosis
-from geoerr.diagnose.search.rough import _covariances, _evidence, of_directions
+from geoerr.diagnose.search.rough import _beyond_the_model, _covariances, _evidence, of_directions
 from geoerr.fit import fit_model
 
 
@@ -43,6 +43,16 @@ def test_evidence_is_that_of_gaussian_densities() -> None:
         found = _evidence(columns.T @ columns, columns.T @ residual, covariance)
         # Between the sizes that each of the two tries.
         assert found == pytest.approx((max(alone), max(beside)), abs=0.1)
+
+
+def test_what_the_model_has_is_no_rough_error() -> None:
+    rng = np.random.default_rng(5)
+    columns, model = rng.normal(size=(50, 6)), np.linalg.qr(rng.normal(size=(50, 3)))[0]
+    columns[:, :3] = model @ rng.normal(size=(3, 3))
+    off = columns - model @ (model.T @ columns)
+    keep = _beyond_the_model(off.T @ off, columns.T @ columns, 5)
+    assert off @ keep == pytest.approx(np.concatenate([np.zeros((50, 3)), off[:, 3:]], axis=1), abs=1e-12)
+    assert keep @ keep == pytest.approx(keep)
 
 
 def test_directions_that_are_off_by_less_than_noise_have_no_evidence() -> None:

@@ -28,6 +28,7 @@ from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, evidence_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled
+from geoerr.diagnose.space import OWNED
 from geoerr.fit.classic import positions_by_axis
 from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
@@ -37,8 +38,6 @@ from geoerr.terms import EffectReference
 # More places than these are taken together in as many cells, between whose middles an error runs straight.
 _MOST_PLACES = 100
 _SIZES = np.geomspace(1e-3, 1e6, 73)
-# Directions of the wave below this share of the largest are none of its own.
-_DEPENDENT = 1e-8
 # Cosine between what a channel does and what a direction of the base does, if they are one.
 _THE_SAME = 0.99
 
@@ -110,7 +109,8 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     columns = np.concatenate([own[:, :, None] * at_places[:, None, :] for own in channels], axis=2)
     waves = settled.raw[:, :, : len(term.coefficients)]
     own = seen(looked.space, np.concatenate([columns, waves], axis=2))
-    gram, score = own.gram_beyond, own.score(looked.space)
+    keep = _beyond_the_model(own.gram_beyond, own.gram, columns.shape[2])
+    gram, score = keep.T @ own.gram_beyond @ keep, keep.T @ own.score(looked.space)
     rough, with_wave = -math.inf, -math.inf
     for covariance in _covariances(cells_mm, len(channels)):
         alone, beside = _evidence(gram, score, covariance)
@@ -155,11 +155,21 @@ def _evidence(gram: Numbers, score: Numbers, covariance: Numbers) -> tuple[float
     left = score[k:] - (shrunk * along) @ across
     inside = gram[k:, k:] - np.einsum("tk,ki,kj->tij", shrunk, across, across)
     share, turns = np.linalg.eigh(inside)
-    is_own = share > _DEPENDENT * np.trace(gram[k:, k:])
+    is_own = share > OWNED * np.trace(gram[k:, k:])
     turned = np.einsum("tij,ti->tj", turns, left)
     gain = (np.where(is_own, turned, 0.0) ** 2 / np.where(is_own, share, 1.0)).sum(axis=1)
     beside = alone + of_directions(gain, len(score) - k)
     return float(alone.max()), float(beside.max())
+
+
+def _beyond_the_model(beyond: Numbers, whole: Numbers, k: int) -> Numbers:
+    """Give what keeps of the first k columns what the model leaves, (n, n): directions that are its own are none."""
+    size = np.sqrt(np.maximum(np.diag(whole)[:k], 1e-300))
+    share, turn = np.linalg.eigh(beyond[:k, :k] / np.outer(size, size))
+    left = turn[:, share > OWNED]
+    keep = np.eye(len(whole))
+    keep[:k, :k] = (left @ left.T) * np.outer(1.0 / size, size)
+    return keep
 
 
 def _covariances(cells_mm: Numbers, n_channels: int) -> Iterator[Numbers]:

@@ -207,7 +207,7 @@ def search(
         best, probe = _claims(looked, level, found, unknown)
         formed = None if best is None else _formed(bench, looked, best, added, steps)
         more = _finer(bench, looked, best, formed, probe, found)
-        own = [] if more is not None else _rough(bench, looked, formed, added, ends_beside_large)
+        own = [] if more is not None else _rough(bench, looked, formed, added, rough, ends_beside_large)
         more = own[0].columns if own else more
         if more is not None:
             finer.append(more)
@@ -425,15 +425,18 @@ def _rough(
     looked: Round,
     formed: tuple[Judged, Settled] | None,
     added: Sequence[Numbers],
+    before: Sequence[RoughError],
     ends_beside_large: Sequence[str] | None,
 ) -> list[RoughError]:
     """Give the rough error that is as likely as the best name, if that is a wave, and there is one.
 
-    Not where the search ends with it: knots that have followed a wave leave little to say it by, and in the fit
-    beside it, which is searched again, they are fewer.
+    Not where it stands beside the model already, and not where the search ends with the wave: knots that followed one
+    leave little to say it by, and in the fit beside it, which is searched again, they are fewer.
     """
-    own = None if formed is None else rough_error(bench, looked, *formed)
-    if own is None or formed is None or _is_large_and_new(bench, formed[1], added, ends_beside_large):
+    if formed is None or any(one.wave == reference_of(formed[0]) for one in before):
+        return []
+    own = rough_error(bench, looked, *formed)
+    if own is None or _is_large_and_new(bench, formed[1], added, ends_beside_large):
         return []
     return [own]
 
