@@ -68,7 +68,7 @@ def test_directions_that_are_off_by_less_than_noise_have_no_evidence() -> None:
 def test_something_else_at_each_place_is_no_wave(draw: type[Curve], n_same: int) -> None:
     """One of two had a wave: 1.6 µm each 0.9 mm, ± 0.00004 mm, where a table of 21 entries was meant."""
     nameless = []
-    for seed in range(3):
+    for seed in range(2):
         diagnosis = diagnosed(seed, draw(np.random.default_rng(seed)), 10.0, n_same)
         assert not diagnosis.found
         nameless += [] if diagnosis.unknown is None else [diagnosis]

@@ -45,6 +45,8 @@ _ALIAS = 0.5
 _SAME = 0.95
 # The catalogue has one half of the family-wise level, probes the other.
 _HALVES = 2.0
+# Fits whose held-out errors differ by less are one as far as a rival's is concerned.
+_AS_BEFORE = 1.05
 _INVISIBLE = "not measurable with this plan: the model's own freedom does nearly all that it would do"
 
 
@@ -207,10 +209,19 @@ class _Summary:
             tied=is_tied,
             aliases=(Alias(name, rival.correlation, is_tied),) if rival.correlation > _ALIAS else (),
             against=name,
-            held_out=self._held_out(rival.settled, earlier),
+            held_out=self._held_out(rival.settled, earlier) if is_tied or self._is_of_the_bases else None,
             together=rival.together,
             left_because=self._why_left(name, rival),
         )
+
+    @property
+    def _is_of_the_bases(self) -> bool:
+        """Tell whether the fit that was searched predicts as the one that was asked about.
+
+        Of one with few knots, where many follow a wave, what does not explain the wave is far off for that reason.
+        """
+        before, base = held_out_um(self.as_it_was), self.searched.bench.held_out.um([])
+        return before is None or base is None or base < _AS_BEFORE * before
 
     def _stood_for(self, found: Found) -> list[tuple[EffectReference, Settled]]:
         """Give what says the same as something that was found, in its place."""
