@@ -238,18 +238,7 @@ impl Quadratic {
     /// Where the quadratic is added to give these: each step leaves less than a tenth, from a millimetre to the last digit.
     fn settled(&self, wanted_mm: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let mut found_mm = wanted_mm.to_vec();
-        for _ in 0..STEPS {
-            let mut largest_mm: f64 = 0.0;
-            let given_mm = self.added_to_each(&found_mm);
-            for ((at_mm, given_mm), wanted_mm) in found_mm.iter_mut().zip(&given_mm).zip(wanted_mm) {
-                let miss_mm = minus(given_mm, wanted_mm);
-                *at_mm = minus(at_mm, &miss_mm);
-                largest_mm = miss_mm.iter().fold(largest_mm, |largest, miss| largest.max(miss.abs()));
-            }
-            if largest_mm < SETTLED_MM {
-                break;
-            }
-        }
+        run_widest(Settling { quadratic: self, wanted_mm, found_mm: &mut found_mm });
         found_mm
     }
 
@@ -335,6 +324,40 @@ impl Kernel for Adding<'_> {
         for at_mm in self.at_mm {
             let [x, y, z, _] = added::<A>(self.quadratic, at_mm);
             *at_mm = [x, y, z];
+        }
+    }
+}
+
+/// Looks for the places to which a quadratic is added to give others, from those on.
+struct Settling<'a> {
+    quadratic: &'a Quadratic,
+    wanted_mm: &'a [[f64; 3]],
+    found_mm: &'a mut [[f64; 3]],
+}
+
+impl Kernel for Settling<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        for _ in 0..STEPS {
+            // By component, as they are worked out.
+            let mut largest_mm = [0.0_f64; 4];
+            for (at_mm, [x, y, z]) in self.found_mm.iter_mut().zip(self.wanted_mm) {
+                let (given_mm, wanted_mm) = (added::<A>(self.quadratic, at_mm), [*x, *y, *z, 0.0]);
+                let [before_x, before_y, before_z] = *at_mm;
+                let before_mm = [before_x, before_y, before_z, 0.0];
+                let mut next_mm = [0.0; 4];
+                for k in 0..4 {
+                    let miss_mm = given_mm[k] - wanted_mm[k];
+                    next_mm[k] = before_mm[k] - miss_mm;
+                    largest_mm[k] = largest_mm[k].max(miss_mm.abs());
+                }
+                *at_mm = [next_mm[0], next_mm[1], next_mm[2]];
+            }
+            if largest_mm[0].max(largest_mm[1]).max(largest_mm[2]) < SETTLED_MM {
+                break;
+            }
         }
     }
 }

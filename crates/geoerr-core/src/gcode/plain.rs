@@ -15,6 +15,17 @@ const X: u8 = 1;
 const EXTRUDER: u8 = 1 << 3;
 const FEED: u8 = 1 << 4;
 
+/// The bit of each byte that is such a letter; 0 of all others.
+const LETTERS: [u8; 256] = {
+    let mut bits = [0; 256];
+    bits[b'X' as usize] = X;
+    bits[b'Y' as usize] = X << 1;
+    bits[b'Z' as usize] = X << 2;
+    bits[b'E' as usize] = EXTRUDER;
+    bits[b'F' as usize] = FEED;
+    bits
+};
+
 /// A straight move on a line of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlainMove {
@@ -69,10 +80,10 @@ impl PlainMove {
 
     #[inline]
     fn words(&mut self, text: &[u8]) -> Option<()> {
-        // Which of X, Y, Z, E, F there were, a bit each, and whether blanks stand between words.
-        let (mut seen, mut n_words, mut is_spaced) = (0_u8, 0_u32, false);
+        // Which of X, Y, Z, E, F there were, a bit each, and how long all words are without the blanks between them.
+        let (mut seen, mut n_words, mut n_bytes) = (0_u8, 0_u32, 0);
         self.text.is_in_order = true;
-        let mut at = 0;
+        let (mut at, mut first) = (0, 0);
         if text.first() == Some(&b'N') {
             let digits = text[1..].iter().take_while(|byte| byte.is_ascii_digit()).count();
             if !(1..=MOST_DIGITS).contains(&digits) {
@@ -80,7 +91,7 @@ impl PlainMove {
             }
             at = 1 + digits;
         }
-        loop {
+        let last = loop {
             let behind = at;
             let mut byte = *text.get(at)?;
             while byte == b' ' {
@@ -88,15 +99,12 @@ impl PlainMove {
                 byte = *text.get(at)?;
             }
             let start = at;
+            let letter = LETTERS[usize::from(byte)];
             match byte {
-                b'X'..=b'Z' | b'E' | b'F' => {
+                _ if letter != 0 => {
+                    // What may not stand behind a number is met as no word.
                     let (number, end) = number(text, at + 1)?;
                     let span = Span { start: start as u32, end: end as u32 };
-                    let letter = match byte {
-                        b'E' => EXTRUDER,
-                        b'F' => FEED,
-                        _ => X << (byte - b'X'),
-                    };
                     if seen & letter != 0 {
                         return None;
                     }
@@ -130,18 +138,21 @@ impl PlainMove {
                 }
                 b'\n' => {
                     self.length_with_end = at + 1;
-                    break;
+                    break behind;
                 }
                 b'\r' if text.get(at + 1) == Some(&b'\n') => {
                     self.length_with_end = at + 2;
-                    break;
+                    break behind;
                 }
                 _ => return None,
             }
-            is_spaced |= n_words > 0 && behind < start;
+            if n_words == 0 {
+                first = start;
+            }
+            n_bytes += at - start;
             n_words += 1;
-        }
-        self.text.is_spaced = is_spaced || n_words < 2;
+        };
+        self.text.is_spaced = first + n_bytes < last || n_words < 2;
         self.length = at;
         // A line without words is none of the moves that are meant here.
         (n_words > 0).then_some(())
@@ -153,7 +164,7 @@ fn is_digit(byte: Option<&u8>) -> bool {
     byte.is_some_and(u8::is_ascii_digit)
 }
 
-/// The number at `start`, and the place behind it.
+/// The number at `start`, and the place behind it: whatever stands there.
 #[inline(always)]
 fn number(text: &[u8], start: usize) -> Option<(Decimal, usize)> {
     let is_negative = text.get(start) == Some(&b'-');
@@ -163,10 +174,6 @@ fn number(text: &[u8], start: usize) -> Option<(Decimal, usize)> {
         Some(number) => number,
         None => long_number(text, first, &eight)?,
     };
-    // A second point, an underscore, a letter that is no word: the lexer knows.
-    if !matches!(text.get(first + n_bytes), Some(b' ' | b'\n' | b'\r' | b'X'..=b'Z' | b'E' | b'F')) {
-        return None;
-    }
     let mantissa = if is_negative { -mantissa } else { mantissa };
     Some((Decimal { mantissa, digits: n_digits as u8, is_cut: false }, first + n_bytes))
 }

@@ -78,16 +78,19 @@ impl Solver {
             let mut before = last.as_ref();
             for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
                 let (a_move, course) = (&moves[index], courses.get(index));
-                // In its place at once: it is too large to be handed on.
-                *end = self.end_by_grid(map, a_move, &mut memory.near);
+                if let Some(grid) = &self.grid {
+                    *end = grid.solve(map, &a_move.end_mm, &mut memory.near);
+                }
                 if end.is_none() {
                     match self.end_by_newton(map, a_move, course) {
                         Ok(solved) => *end = Some(solved),
                         Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
                     }
                 }
-                if let Some(solved) = end {
-                    *way = self.way(map, a_move, course, before, solved, &mut memory);
+                if let Some(solved) = end
+                    && let Some(other) = self.other_way(map, a_move, course, before, solved, &mut memory)
+                {
+                    *way = other;
                 }
                 before = end.as_ref();
             }
@@ -106,14 +109,8 @@ impl Solver {
         course: Option<&Course>,
         near: &mut Near<'a>,
     ) -> Result<Solved, f64> {
-        let by_grid = self.end_by_grid(map, a_move, near);
+        let by_grid = self.grid.as_ref().and_then(|grid| grid.solve(map, &a_move.end_mm, near));
         by_grid.map_or_else(|| self.end_by_newton(map, a_move, course), Ok)
-    }
-
-    /// The end of a move, where polynomials have it.
-    #[inline]
-    fn end_by_grid<'a>(&'a self, map: &impl PathMap, a_move: &Move, near: &mut Near<'a>) -> Option<Solved> {
-        self.grid.as_ref()?.solve(map, &a_move.end_mm, near)
     }
 
     fn end_by_newton(
@@ -131,8 +128,9 @@ impl Solver {
         Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm }))
     }
 
+    /// The way to the end of a move; None where it is whole.
     #[inline]
-    fn way<'a>(
+    fn other_way<'a>(
         &'a self,
         map: &impl PathMap,
         a_move: &Move,
@@ -140,25 +138,24 @@ impl Solver {
         begin: Option<&Solved>,
         end: &Solved,
         memory: &mut Memory<'a, '_>,
-    ) -> Way {
+    ) -> Option<Way> {
         // A move from a place that no corrected move has reached has no straight path to keep.
-        let Some(begin) = begin.filter(|_| !a_move.is_first) else { return Way::Whole };
+        let begin = begin.filter(|_| !a_move.is_first)?;
         let closeness = &self.closeness[usize::from(a_move.is_inch)];
         if let Some(grid) = &self.grid {
             if grid.is_straight(begin, end, &memory.near, closeness) {
-                return Way::Whole;
+                return None;
             }
             if let Some(found) = grid.walk(map, begin, end, closeness, &mut memory.near, &mut memory.walk) {
-                return if let [_] = found { Way::Whole } else { added(memory.pieces, found) };
+                return (found.len() > 1).then(|| added(memory.pieces, found));
             }
         }
         let begin = Node { share: 0.0, ..begin.node };
         let map = Gridded { map, grid: self.grid.as_ref() };
         let course = course.copied().unwrap_or_default();
         match split(&map, &course, &begin, &end.node, closeness, &mut memory.crossings) {
-            Ok(None) => Way::Whole,
-            Ok(Some(found)) => added(memory.pieces, &found),
-            Err(error) => Way::Refused(error),
+            Ok(found) => found.map(|found| added(memory.pieces, &found)),
+            Err(error) => Some(Way::Refused(error)),
         }
     }
 }

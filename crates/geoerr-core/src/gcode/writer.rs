@@ -133,23 +133,27 @@ impl Writer {
     /// The words of a piece, and the machine moved to where they say.
     #[inline]
     fn words(&mut self, a_move: &Move, node: &Node, piece: usize, print: &Print) -> PieceWords {
-        PieceWords {
-            axes: self.axis_words(a_move, node, piece == 0, print),
+        let mut words = PieceWords {
+            axes: [PieceWord::Absent; 3],
             digits: print.digits,
             extruder: self.shares.of_piece(piece),
             extruder_digits: self.shares.digits,
-        }
+        };
+        // In their place at once: what was just written piece by piece is waited for when it is copied.
+        self.axis_words(&mut words.axes, a_move, node, piece == 0, print);
+        words
     }
 
     /// X, Y and Z of a piece, and the machine moved to where they say.
     #[inline]
     fn axis_words(
         &mut self,
+        words: &mut [PieceWord; 3],
         a_move: &Move,
         node: &Node,
         is_first_piece: bool,
         print: &Print,
-    ) -> [PieceWord; 3] {
+    ) {
         let motion = &a_move.motion;
         let step_of = |word_mm: f64| {
             let word = if a_move.is_inch { word_mm / print.unit_mm } else { word_mm };
@@ -163,7 +167,7 @@ impl Writer {
         let position_mm = *self.frame.position_mm.numbers();
         let gives_all = self.must_give_all && is_first_piece && motion.is_absolute;
         let wanted_mm: [f64; 3] = std::array::from_fn(|axis| node.command_mm[axis] - origin_mm[axis]);
-        let mut words: [PieceWord; 3] = std::array::from_fn(|axis| {
+        *words = std::array::from_fn(|axis| {
             let old_mm = old_mm.numbers()[axis];
             if near(old_mm, wanted_mm[axis]) {
                 PieceWord::Kept
@@ -188,7 +192,6 @@ impl Writer {
             };
             self.frame.position_mm.set(axis, Some(origin_mm[axis] + word_mm));
         }
-        words
     }
 }
 

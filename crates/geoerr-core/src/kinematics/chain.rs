@@ -88,6 +88,14 @@ impl Chain {
     pub fn tool_axes(&self) -> &[Axis] {
         &self.order[self.n_work..]
     }
+
+    /// The axes on the way from the tool to the work, and for each whether it carries the tool.
+    pub(super) fn way_to_work(&self) -> [(Axis, bool); 3] {
+        let n_tool = self.tool_axes().len();
+        std::array::from_fn(|step| {
+            if step < n_tool { (self.order[2 - step], true) } else { (self.order[step - n_tool], false) }
+        })
+    }
 }
 
 #[cfg(test)]

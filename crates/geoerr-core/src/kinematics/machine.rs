@@ -151,21 +151,37 @@ impl MachineModel {
     }
 
     /// [`error`](Self::error) of the tool point at each place of a lattice of axis positions, the first of them running
-    /// fastest: what a position does to its own axis is worked out once.
+    /// fastest: what a position does to its own axis is worked out once, and so is where the first carriages on the way
+    /// from the tool put it, which the others' positions do not change.
     pub fn errors_of_lattice<const N: usize>(&self, q_mm: &[[f64; N]; 3]) -> Vec<[f64; 3]> {
         let carriages = Axis::ALL.map(|axis| {
             let a = axis.index();
             q_mm[a].map(|q| self.axes[a].motion(q, axis).carriage)
         });
-        let at = |place: usize| {
-            let k = [place % N, place / N % N, place / (N * N)];
-            let q_mm: Vec3 = std::array::from_fn(|a| q_mm[a][k[a]]);
-            let carriage = |axis: Axis| carriages[axis.index()][k[axis.index()]];
-            let point = Placed { nominal: self.lever(&[0.0; 3]), displacement: [0.0; 3] };
-            let tool = self.chain.tool_to_base(&q_mm, point, carriage);
-            self.chain.base_to_work(&q_mm, tool, carriage).displacement
+        let way = self.chain.way_to_work();
+        let passed = |point: Placed, step: usize, k: usize| {
+            let (axis, carries_tool) = way[step];
+            let (q_mm, carriage) = (q_mm[axis.index()][k], &carriages[axis.index()][k]);
+            if carries_tool {
+                point.carried(axis, q_mm, carriage)
+            } else {
+                point.seen_from(axis, q_mm, carriage)
+            }
         };
-        (0..N * N * N).map(at).collect()
+        let strides = way.map(|(axis, _)| N.pow(axis.index() as u32));
+        let mut errors_mm = vec![[0.0; 3]; N * N * N];
+        let tool = Placed { nominal: self.lever(&[0.0; 3]), displacement: [0.0; 3] };
+        for i in 0..N {
+            let behind_one = passed(tool, 0, i);
+            for j in 0..N {
+                let behind_two = passed(behind_one, 1, j);
+                for k in 0..N {
+                    let place = i * strides[0] + j * strides[1] + k * strides[2];
+                    errors_mm[place] = passed(behind_two, 2, k).displacement;
+                }
+            }
+        }
+        errors_mm
     }
 
     /// Position of a point at `offset_mm` from the tool point, on the tool, in the base frame: what a camera

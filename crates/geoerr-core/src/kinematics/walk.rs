@@ -18,6 +18,26 @@ impl Placed {
     pub(crate) fn position(&self) -> Vec3 {
         add(&self.nominal, &self.displacement)
     }
+
+    /// A point on a carriage of the tool's side, in front of it: `R(ε) p + q â' + δ`.
+    #[inline]
+    pub(crate) fn carried(self, axis: Axis, q_mm: f64, carriage: &Carriage) -> Self {
+        let Self { mut nominal, displacement } = self;
+        let turned = carriage.rotation.displacement(&add(&nominal, &displacement));
+        nominal[axis.index()] += q_mm;
+        let displacement = std::array::from_fn(|c| displacement[c] + turned[c] + carriage.translation[c]);
+        Self { nominal, displacement }
+    }
+
+    /// A point in front of a carriage of the work's side, seen from it: `R(ε) (p + q â' + δ)`.
+    #[inline]
+    pub(crate) fn seen_from(self, axis: Axis, q_mm: f64, carriage: &Carriage) -> Self {
+        let Self { mut nominal, mut displacement } = self;
+        nominal[axis.index()] += q_mm;
+        displacement = add(&displacement, &carriage.translation);
+        displacement = add(&displacement, &carriage.rotation.displacement(&add(&nominal, &displacement)));
+        Self { nominal, displacement }
+    }
 }
 
 /// What one carriage does beyond its nominal motion.
@@ -126,14 +146,8 @@ impl Chain {
         point: Placed,
         carriage: impl Fn(Axis) -> Carriage,
     ) -> Placed {
-        let Placed { mut nominal, mut displacement } = point;
-        for &axis in self.tool_axes().iter().rev() {
-            let Carriage { translation, rotation } = carriage(axis);
-            let turned = rotation.displacement(&add(&nominal, &displacement));
-            nominal[axis.index()] += q_mm[axis.index()];
-            displacement = std::array::from_fn(|c| displacement[c] + turned[c] + translation[c]);
-        }
-        Placed { nominal, displacement }
+        let on_the_way = self.tool_axes().iter().rev();
+        on_the_way.fold(point, |point, &axis| point.carried(axis, q_mm[axis.index()], &carriage(axis)))
     }
 
     /// A point of the base frame in the work's: `T⁻¹ p = R(ε) (p + q â' + δ)` for each work axis, innermost first.
@@ -144,14 +158,8 @@ impl Chain {
         point: Placed,
         carriage: impl Fn(Axis) -> Carriage,
     ) -> Placed {
-        let Placed { mut nominal, mut displacement } = point;
-        for &axis in self.work_axes() {
-            let Carriage { translation, rotation } = carriage(axis);
-            nominal[axis.index()] += q_mm[axis.index()];
-            displacement = add(&displacement, &translation);
-            displacement = add(&displacement, &rotation.displacement(&add(&nominal, &displacement)));
-        }
-        Placed { nominal, displacement }
+        let on_the_way = self.work_axes().iter();
+        on_the_way.fold(point, |point, &axis| point.seen_from(axis, q_mm[axis.index()], &carriage(axis)))
     }
 
     /// A point of the work in the base frame: `T w = R(−ε) w − q â' − δ` for each work axis, outermost first.

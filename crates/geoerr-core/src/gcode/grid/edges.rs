@@ -64,14 +64,11 @@ impl Edges {
     #[inline]
     pub fn cell(&self, at_mm: f64) -> Option<usize> {
         let bucket = (at_mm - self.low_mm) * self.buckets_per_mm;
-        // Not a number is outside; what is infinite is no bucket's number.
+        // Not a number is outside; what is too large is no bucket's number.
         let is_inside = bucket >= 0.0;
-        let first = is_inside.then(|| self.first.get(bucket as i64 as usize)).flatten()?;
-        let mut cell = *first as usize;
-        while *self.edges_mm.get(cell + 1)? <= at_mm {
-            cell += 1;
-        }
-        Some(cell)
+        let first = *is_inside.then(|| self.first.get(bucket as u32 as usize)).flatten()? as usize;
+        let n_passed = self.edges_mm.get(first + 1..)?.iter().position(|&edge| at_mm < edge)?;
+        Some(first + n_passed)
     }
 }
 

@@ -61,7 +61,7 @@ pub struct Near<'a> {
 
 impl<'a> Near<'a> {
     /// The box of a place, where it has polynomials.
-    #[inline]
+    #[inline(always)]
     fn home_of(&mut self, grid: &'a Grid, map: &impl PathMap, at_mm: &[f64; 3]) -> Option<Home<'a>> {
         for which in [self.last, 1 - self.last] {
             if let Some(home) = self.homes[which].filter(|home| home.patch.owns(at_mm)) {
@@ -69,6 +69,12 @@ impl<'a> Near<'a> {
                 return Some(home);
             }
         }
+        self.another_home(grid, map, at_mm)
+    }
+
+    /// The same where neither of the last two is it: apart, so that asking those is compiled into each search.
+    #[inline(never)]
+    fn another_home(&mut self, grid: &'a Grid, map: &impl PathMap, at_mm: &[f64; 3]) -> Option<Home<'a>> {
         let home = grid.home_of(map, at_mm)?;
         self.last = 1 - self.last;
         self.homes[self.last] = Some(home);
@@ -119,31 +125,46 @@ impl Grid {
     /// Where a command puts the tool, where a polynomial has it.
     #[inline]
     fn actual(&self, map: &impl PathMap, command_mm: &[f64; 3]) -> Option<[f64; 3]> {
-        Some(self.patch(map, self.cells_of(command_mm)?)?.actual(command_mm))
+        Some(self.patch(map, &self.cells_of(command_mm)?)?.actual(command_mm))
     }
 
     /// The same for two commands, where the first one's polynomial has both.
     #[inline]
     fn actual_of_two(&self, map: &impl PathMap, commands_mm: &[[f64; 3]; 2]) -> Option<[[f64; 3]; 2]> {
-        let patch = self.patch(map, self.cells_of(&commands_mm[0])?)?;
+        let patch = self.patch(map, &self.cells_of(&commands_mm[0])?)?;
         patch.nearly_holds(&commands_mm[1]).then(|| patch.actual_of_two(commands_mm))
     }
 
-    /// The command for a place, where a polynomial has it; `near` are boxes that were asked before.
-    #[inline]
+    /// A place solved, where a polynomial has its command; `near` are boxes that were asked before.
+    #[inline(always)]
     pub fn solve<'a>(
         &'a self,
         map: &impl PathMap,
         ideal_mm: &[f64; 3],
         near: &mut Near<'a>,
     ) -> Option<Solved> {
+        let (command_mm, home) = self.command_for(map, ideal_mm, near)?;
+        let node = Node { share: 1.0, ideal_mm: *ideal_mm, command_mm };
+        Some(Solved { node, home: Some(home) })
+    }
+
+    /// The command for a place, and the box whose polynomial has it.
+    ///
+    /// Compiled into what asks for it, so that the numbers stay in registers: the larger things that are made of them
+    /// would be waited for when they are copied.
+    #[inline(always)]
+    fn command_for<'a>(
+        &'a self,
+        map: &impl PathMap,
+        ideal_mm: &[f64; 3],
+        near: &mut Near<'a>,
+    ) -> Option<([f64; 3], u32)> {
         let mut at_mm = *ideal_mm;
         for _ in 0..MOST_HOPS {
             let home = near.home_of(self, map, &at_mm)?;
             let command_mm = home.patch.command_for(ideal_mm);
             if home.patch.holds(&command_mm) {
-                let node = Node { share: 1.0, ideal_mm: *ideal_mm, command_mm };
-                return Some(Solved { node, home: Some(home.place) });
+                return Some((command_mm, home.place));
             }
             at_mm = command_mm;
         }
@@ -153,7 +174,7 @@ impl Grid {
     /// The box of a place, where it has polynomials.
     fn home_of(&self, map: &impl PathMap, at_mm: &[f64; 3]) -> Option<Home<'_>> {
         let cells = self.cells_of(at_mm)?;
-        Some(Home { place: self.place_of(cells) as u32, patch: self.patch(map, cells)? })
+        Some(Home { place: self.place_of(&cells) as u32, patch: self.patch(map, &cells)? })
     }
 
     /// Whether a straight move between two solved places is known to stay straight enough whole.
@@ -185,7 +206,7 @@ impl Grid {
     }
 
     #[inline]
-    fn place_of(&self, cells: [usize; 3]) -> usize {
+    fn place_of(&self, cells: &[usize; 3]) -> usize {
         (cells[2] * self.axes[1].n_cells() + cells[1]) * self.axes[0].n_cells() + cells[0]
     }
 
@@ -203,7 +224,7 @@ impl Grid {
     }
 
     #[inline]
-    fn patch(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<&Patch> {
+    fn patch(&self, map: &impl PathMap, cells: &[usize; 3]) -> Option<&Patch> {
         let row = self.rows.get(cells[2] * self.axes[1].n_cells() + cells[1])?.get_or_init(|| self.list());
         row.get(cells[0])?.get_or_init(|| self.make(map, cells)).as_deref()
     }
@@ -216,7 +237,7 @@ impl Grid {
     }
 
     #[cold]
-    fn make(&self, map: &impl PathMap, cells: [usize; 3]) -> Option<Box<Patch>> {
+    fn make(&self, map: &impl PathMap, cells: &[usize; 3]) -> Option<Box<Patch>> {
         self.n_made.fetch_add(1, Ordering::Relaxed);
         let ends: [(f64, f64); 3] = std::array::from_fn(|axis| self.axes[axis].ends(cells[axis]));
         Patch::new(map, ends.map(|(low, _)| low), ends.map(|(_, high)| high), self.tolerance_mm).map(Box::new)

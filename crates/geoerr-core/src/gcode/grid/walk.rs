@@ -97,7 +97,7 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
         stops.clear();
         stops.push(first);
         for _ in 0..MOST_BOXES {
-            let patch = self.grid.patch(self.map, cells)?;
+            let patch = self.grid.patch(self.map, &cells)?;
             let here = stops.last()?.node;
             let (more, axis, is_up) = patch.way_out(&here.command_mm, &way_mm);
             let share = here.share + more;
@@ -116,9 +116,11 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
         None
     }
 
+    #[inline(always)]
     fn stop(&self, share: f64, near: &mut Near<'a>) -> Option<Stop> {
         let ideal_mm = between(&self.begin.ideal_mm, &self.end.node.ideal_mm, share);
-        Stop::at(share, &self.grid.solve(self.map, &ideal_mm, near)?)
+        let (command_mm, home) = self.grid.command_for(self.map, &ideal_mm, near)?;
+        Some(Stop::new(Node { share, ideal_mm, command_mm }, home))
     }
 
     /// Adds the next stop of a box, and others before it where the box bends too much for one piece.
@@ -164,7 +166,8 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
         let off = |axis: usize| {
             command_mm[axis] - middle_mm[axis] - 0.5 * (from.correction_mm[axis] + to.correction_mm[axis])
         };
-        let bend_mm = norm(&std::array::from_fn(off)) + patch.twist_per_mm2 * length_mm.powi(3) / CUBIC;
+        let bend_mm = norm(&std::array::from_fn(off))
+            + patch.twist_per_mm2 * (length_mm * (length_mm * length_mm)) / CUBIC;
         let mut kink_mm: f64 = 0.0;
         for stop in [from, to] {
             if !patch.holds(&stop.node.command_mm) {
@@ -180,9 +183,13 @@ impl Stop {
     /// None where no box found the command.
     #[inline]
     fn at(share: f64, solved: &Solved) -> Option<Self> {
-        let node = Node { share, ..solved.node };
+        Some(Self::new(Node { share, ..solved.node }, solved.home?))
+    }
+
+    #[inline]
+    fn new(node: Node, home: u32) -> Self {
         let correction_mm = std::array::from_fn(|axis| node.command_mm[axis] - node.ideal_mm[axis]);
-        Some(Self { node, home: solved.home?, correction_mm, bulge_mm: 0.0 })
+        Self { node, home, correction_mm, bulge_mm: 0.0 }
     }
 }
 
@@ -275,7 +282,7 @@ mod tests {
         ) {
             let machine = machine(size);
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
-            let Some(patch) = grid.cells_of(&begin).and_then(|cells| grid.patch(&machine, cells)) else {
+            let Some(patch) = grid.cells_of(&begin).and_then(|cells| grid.patch(&machine, &cells)) else {
                 return Ok(());
             };
             let step_mm = norm(&way);

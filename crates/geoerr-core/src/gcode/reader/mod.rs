@@ -267,7 +267,7 @@ impl Reader {
     }
 
     /// The machine after a line.
-    #[inline]
+    #[inline(always)]
     fn take_over(&mut self, step: &Step, body: &[u8]) -> Result<(), GcodeError> {
         match step {
             Step::Pass => return Ok(()),
@@ -284,11 +284,8 @@ impl Reader {
                     return Ok(());
                 }
             }
-            Step::Correct => {
-                self.frame.position_mm =
-                    self.moves.last().map_or(Known::NONE, |a_move| Known::all(a_move.end_mm));
-                self.is_corrected = true;
-            }
+            // Where it ends the machine is already: what has just been written of it would be waited for.
+            Step::Correct => self.is_corrected = true,
         }
         if self.is_inside() {
             return Ok(());

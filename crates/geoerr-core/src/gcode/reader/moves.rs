@@ -135,6 +135,7 @@ impl Reader {
             self.warn_of_motion(&course, speed_mm_min, body);
             self.courses.push(course);
         }
+        self.frame.position_mm = ends;
         self.moves.push(Move {
             motion,
             end_mm,
@@ -181,6 +182,7 @@ impl Reader {
     }
 
     /// Moves the extruder by the line's `E`.
+    #[inline(always)]
     pub(super) fn extrude(&mut self, number: Decimal, body: &[u8]) -> (Share, i128) {
         let (share, extrusion) = self.extrusion.advance(number);
         if matches!(share, Share::Unclear) && !number.is_cut {
