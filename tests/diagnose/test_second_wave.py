@@ -80,6 +80,13 @@ def test_both_are_added_and_nothing_is_left() -> None:
     assert beside_both.held_out_rmse_um == pytest.approx(2.0 * np.sqrt(3.0), rel=0.1)
 
 
+def test_a_second_in_the_model_is_not_looked_for_again() -> None:
+    """Two terms of one name were refused when the first was found beside it."""
+    data = observed(wave(16.0, 5.0), wave(5.0, 5.0))
+    second = add_effect(fit_model(MACHINE, data).model, data, reference="periodic-second:x", threads=1)
+    assert list(periods(diagnose(second.after, threads=1))) == ["periodic:x"]
+
+
 @pytest.mark.parametrize("period_mm", [16.0, 3.2])
 def test_one_wave_has_no_second(period_mm: float) -> None:
     diagnosis = diagnosed((period_mm, 5.0))
@@ -88,7 +95,7 @@ def test_one_wave_has_no_second(period_mm: float) -> None:
     assert all("periodic-second" not in name for name, _ in diagnosis.not_offered)
 
 
-def test_nothing_is_looked_for_twice_where_nothing_is() -> None:
+def test_a_second_is_no_candidate_without_a_first() -> None:
     diagnosis = diagnosed((5.0, 0.0))
     assert not diagnosis.found
     assert all(one.reference.effect != "periodic-second" for one in diagnosis.candidates)

@@ -326,6 +326,7 @@ def test_an_effect_may_be_there_twice(tmp_path: Path) -> None:
         ("owl", "", "'owl' is no effect above"),
         ("own-second", "", "'own-second' is no effect above"),
         ("own", 'expression = "k*q"', "expression.*stands beside again"),
+        ("own", '[[effect]]\nid = "own-third"\nagain = "own-second"', "'own-second' is one that is there twice"),
     ],
 )
 def test_what_is_there_twice_says_no_more_than_words(tmp_path: Path, name: str, more: str, problem: str) -> None:

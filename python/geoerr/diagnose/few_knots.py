@@ -29,7 +29,7 @@ class FewKnots:
     fitted
         With few knots.
     changed
-        Errors of the axes that had many, as they were.
+        Errors that had many, as they were: of an axis of which one may have followed a wave, all.
     """
 
     fitted: Fitted

@@ -335,7 +335,8 @@ class Unknown(Nameless):
     reference
         What `geoerr add` takes to add it as a curve.
     curve
-        That curve, with its standard error; None where the variables that were found do not determine one.
+        That curve, with its standard error; None where the variables that were found do not determine one, as between
+        places that are off by something else each.
     held_out
         Error without the curve and with it.
     """
@@ -358,8 +359,8 @@ class Unknown(Nameless):
 
     @property
     def is_the_models_own(self) -> bool:
-        """Whether it depends on one position only: then the model's error functions are too stiff to follow."""
-        return len(self.depends_on) == 1 and self.depends_on[0] in ("x", "y", "z")
+        """Whether it is a curve of one position: then the model's error functions are too stiff to follow."""
+        return self.curve is not None and len(self.depends_on) == 1 and self.depends_on[0] in ("x", "y", "z")
 
     @property
     def sentence(self) -> str:

@@ -209,16 +209,17 @@ class _Summary:
             tied=is_tied,
             aliases=(Alias(name, rival.correlation, is_tied),) if rival.correlation > _ALIAS else (),
             against=name,
-            held_out=self._held_out(rival.settled, earlier) if is_tied or self._is_of_the_bases else None,
+            held_out=self._held_out(rival.settled, earlier) if is_tied or self._predicts_as_before else None,
             together=rival.together,
             left_because=self._why_left(name, rival),
         )
 
     @property
-    def _is_of_the_bases(self) -> bool:
-        """Tell whether the fit that was searched predicts as the one that was asked about.
+    def _predicts_as_before(self) -> bool:
+        """Tell whether the fit that was searched predicts no worse than the one that was asked about.
 
-        Of one with few knots, where many follow a wave, what does not explain the wave is far off for that reason.
+        With few knots, where many follow a wave, it does: what does not explain the wave is far off for that reason.
+        What is tied with the wave explains it.
         """
         before, base = held_out_um(self.as_it_was), self.searched.bench.held_out.um([])
         return before is None or base is None or base < _AS_BEFORE * before

@@ -152,8 +152,8 @@ def _as_beside(fitted: Fitted, beside: Fitted, kept: Collection[str]) -> tuple[F
     A frame follows what is missing, too: of a quarter of a millimetre of play a milliradian makes another error. Rows
     without the column of what was found hold it all the same: they are left out, as they are where it is added.
     """
-    chosen = choose_again(beside) or beside.terms
-    own = tuple(before if before.id in kept else term for before, term in zip(fitted.terms, chosen, strict=False))
+    chosen = (choose_again(beside) or beside.terms)[: len(fitted.terms)]
+    own = tuple(before if before.id in kept else term for before, term in zip(fitted.terms, chosen, strict=True))
     has_all, has_own = (has_covariates(fitted.machine, fitted.sightings, terms) for terms in (beside.terms, own))
     used = np.zeros(len(has_all), dtype=bool)
     used[has_all] = beside.solved.used

@@ -91,7 +91,6 @@ def sightings_of(*tables: MeasuredTable) -> Sightings:
         *odd_temperatures(joined),
         *odd_devices(joined),
         *odd_directions(joined),
-        *wide_gaps(joined),
         *targets_that_moved(joined),
     )
     return replace(joined, notes=(*joined.notes, *told)) if told else joined
@@ -125,7 +124,7 @@ def _of_sessions(observations: Observations) -> list[Sightings]:
 
 
 def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
-    """Give them with notes of what this machine cannot have: places beyond it, targets far from their offsets.
+    """Give them with notes of places and this machine: beyond its ranges, gaps in between, targets far from offsets.
 
     Raises
     ------
@@ -133,7 +132,11 @@ def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
         where targets do not go with what is said to carry them.
     """
     refuse_other_carriers(sightings, machine)
-    told = [*misplaced_targets(sightings, machine), *places_in_metres(sightings, machine)]
+    told = [
+        *misplaced_targets(sightings, machine),
+        *places_in_metres(sightings, machine),
+        *wide_gaps(sightings, machine),
+    ]
     for axis, along_mm in zip(AXES, sightings.commanded_mm.T, strict=True):
         low, high = machine.axes[axis].range_mm
         beyond_mm = np.maximum(low - along_mm, along_mm - high)

@@ -65,7 +65,7 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
 
 
 def with_few_knots_along(fitted: Fitted, terms: Sequence[Term]) -> tuple[Term, ...]:
-    """Give terms with few knots in all errors of an axis of which one has fewer than in a fit.
+    """Give terms with few knots in all errors of an axis, where one of these has fewer than it has in a fit.
 
     Errors of one axis go together where targets and the other axes hardly move: what follows a wave then is all of
     them, and of none alone a wave would do as much.

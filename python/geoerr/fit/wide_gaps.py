@@ -12,15 +12,17 @@ import numpy as np
 
 from geoerr.fit.classic import positions_by_axis
 from geoerr.fit.sightings import SAME_POSITION_MM, Sightings
-from geoerr.machine import AXES
+from geoerr.machine import AXES, Machine
 from geoerr.summaries import counted
 
 # As a share of the way between the outermost places, and beside the median distance of two. Of 24 places that are
 # drawn anywhere one set in thirty has a gap of a quarter.
 _WIDE_SHARE, _WIDE = 0.25, 4.0
+# As a share of the axis's range: less is no way of an axis, but how it stands.
+_LEAST_SHARE = 0.05
 
 
-def wide_gaps(sightings: Sightings) -> Iterator[str]:
+def wide_gaps(sightings: Sightings, machine: Machine) -> Iterator[str]:
     """Say of each axis where nothing was measured though it was before and behind, the widest first named."""
     positions = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)
     for axis in AXES:
@@ -28,8 +30,9 @@ def wide_gaps(sightings: Sightings) -> Iterator[str]:
         gap_mm = np.diff(places_mm)
         if gap_mm.size < 2:
             continue
-        way_mm = float(places_mm[-1] - places_mm[0])
-        is_wide = gap_mm >= max(_WIDE_SHARE * way_mm, _WIDE * float(np.median(gap_mm)))
+        way_mm, range_mm = float(np.ptp(places_mm)), float(np.ptp(machine.axes[axis].range_mm))
+        least_mm = max(_WIDE_SHARE * way_mm, _WIDE * float(np.median(gap_mm)), _LEAST_SHARE * range_mm)
+        is_wide = gap_mm >= least_mm
         if not is_wide.any():
             continue
         widest = int(np.argmax(gap_mm))

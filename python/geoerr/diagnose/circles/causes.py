@@ -115,8 +115,7 @@ def suspects_of(
     for name, axis in _named(runs):
         found += _suspect(runs, known[name], axis, why_not)
     for effect in own:
-        # What stands beside another only is looked for where that was found, among points.
-        found += _own(runs, effect, why_not) if effect.again is None else []
+        found += _own(runs, effect, why_not)
     offered = {one.reference.effect for one in found}
     for effect in known:
         if effect.id not in offered:
@@ -154,6 +153,8 @@ def _own(runs: Runs, effect: Effect, why_not: dict[str, str]) -> list[Suspect]:
     """Give the suspects of a user's own effect."""
     machine, columns = runs.fitted.machine, runs.fitted.sightings.effect_columns
     wanting = effect.wanting(columns, is_circular=True)
+    if effect.again is not None:
+        wanting = f"stands beside {effect.again} only, and is looked for among measured points"
     if wanting is not None:
         why_not[effect.id] = wanting
         return []

@@ -18,11 +18,17 @@ from geoerr.effects.collection import Catalogue
 from geoerr.terms import EffectReference, Term
 
 
-def once_more(what: Candidate | Probe, known: Catalogue) -> Iterator[Candidate]:
-    """Give the candidates that have the formula of one that was found once more."""
+def once_more(what: Candidate | Probe, known: Catalogue, present: Sequence[str]) -> Iterator[Candidate]:
+    """Give the candidates that have the formula of one that was found once more.
+
+    Parameters
+    ----------
+    present
+        Ids of the terms that the model has.
+    """
     if isinstance(what, Candidate):
         for effect in known:
-            if effect.again == what.effect.id:
+            if effect.again == what.effect.id and str(replace(what.reference, effect=effect.id)) not in present:
                 yield _named(what, effect)
 
 

@@ -10,7 +10,7 @@ some wave always does a part. So the wave is asked for beside errors that are as
 | B | `_at_places` | whitened columns of an error of 1 mm at each place, or cell of places, off the model |
 | C | `_covariances` | covariance of the errors at the places, of size 1 |
 | W | `Settled.raw` | columns of the wave |
-| τ² | `_SIZES` | how rough: the errors' variance in units of what the data can see |
+| τ² | `variance` | how rough: the errors' variance |
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ from geoerr.machine import AXES
 from geoerr.terms import EffectReference
 
 # More places than these are taken together in as many cells, between whose middles an error runs straight.
-_MOST_PLACES = 100
+_FEWEST_PLACES, _MOST_PLACES = 3, 100
+# How rough errors may be, in units of what the data can see.
 _SIZES = np.geomspace(1e-3, 1e6, 73)
 # Cosine between what a channel does and what a direction of the base does, if they are one.
 _THE_SAME = 0.99
@@ -52,8 +53,8 @@ class RoughError:
         Of which, and at how many places it was measured.
     wave, period_mm
         The wave.
-    columns : (n, 3, k)
-        An error for each place, or cell of places.
+    channels
+        On which channels both act.
     judged
         The same as a probe, to be told as what has no name; None where places are many, so that the model's own
         function could follow it with more knots, or where it is no displacement along one axis.
@@ -63,8 +64,16 @@ class RoughError:
     n_places: int
     wave: EffectReference
     period_mm: float
-    columns: Numbers
+    channels: tuple[str, ...]
     judged: Judged | None
+
+    def is_of(self, claim: Judged, settled: Settled) -> bool:
+        """Tell whether a candidate is a function of the position of the same axis on the same channels."""
+        return (
+            settled.term is not None
+            and settled.term.variables == (self.axis,)
+            and channels_of(claim) == self.channels
+        )
 
     def words(self) -> str:
         """Say why the wave was not named, and what would tell."""
@@ -75,8 +84,10 @@ class RoughError:
         )
 
 
-def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) -> RoughError | None:
+def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) -> tuple[RoughError, Numbers] | None:
     """Give the rough error that is as likely as a wave; None of what is no wave along an axis, or is likelier.
+
+    Its columns (n, 3, k) are an error for each place, or cell of places, on each channel.
 
     Parameters
     ----------
@@ -99,6 +110,8 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
         return None
     axis = term.variables[0]
     places_mm = _places_mm(bench, axis)
+    if len(places_mm) < _FEWEST_PLACES:
+        return None
     is_few, cells_mm = len(places_mm) <= _MOST_PLACES, places_mm
     if not is_few:
         if not _is_free(bench, axis, claim):
@@ -118,16 +131,22 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     if rough <= 0.0 or with_wave - math.log(claim.what.n_trials) > rough:
         return None
     probe = _as_probe(bench, looked, claim, axis, at_places, channels) if is_few else None
-    return RoughError(axis, len(places_mm), claim.what.reference, term.inner[place].value, columns, probe)
+    wave, period_mm = claim.what.reference, term.inner[place].value
+    return RoughError(axis, len(places_mm), wave, period_mm, channels_of(claim), probe), columns
 
 
-def of_directions(gain: Numbers, rank: int) -> Numbers:
+def channels_of(claim: Judged) -> tuple[str, ...]:
+    """Name the channels on which a candidate acts."""
+    return tuple(channel for channel, _ in claim.shapes.channels)
+
+
+def of_directions(gain: Numbers, rank: np.ndarray | int) -> Numbers:
     """Give the evidence of k directions that are off by something, as large as it is likeliest, against noise alone.
 
     With errors of variance v along each beside noise of 1 it is −k/2 ln(1 + v) + G/2 v/(1 + v), G the fall of the sum
     of squares; likeliest is 1 + v = G/k.
     """
-    scale = np.maximum(gain / rank, 1.0)
+    scale = np.maximum(gain / np.maximum(rank, 1), 1.0)
     return np.asarray(0.5 * (gain * (1.0 - 1.0 / scale) - rank * np.log(scale)))
 
 
@@ -136,29 +155,29 @@ def _evidence(gram: Numbers, score: Numbers, covariance: Numbers) -> tuple[float
 
     Parameters
     ----------
-    gram : (k + m, k + m)
+    gram : (n_places + k, n_places + k)
         Products of columns at places, then of the wave's, with each other.
-    score : (k + m,)
+    score : (n_places + k,)
         Their products with the residual.
-    covariance : (k, k)
+    covariance : (n_places, n_places)
         Of the errors at places.
     """
-    k = len(covariance)
+    n_places = len(covariance)
     size, turn = np.linalg.eigh(covariance)
     root = turn * np.sqrt(np.maximum(size, 0.0))
-    seen_size, turn = np.linalg.eigh(root.T @ gram[:k, :k] @ root)
+    seen_size, turn = np.linalg.eigh(root.T @ gram[:n_places, :n_places] @ root)
     root, seen_size = root @ turn, np.maximum(seen_size, 0.0)
-    along, across = root.T @ score[:k], root.T @ gram[:k, k:]
-    tau = np.append(0.0, _SIZES / max(float(seen_size.mean()), 1e-300))[:, None]
-    shrunk = tau / (1.0 + tau * seen_size)
-    alone = 0.5 * (shrunk * along**2 - np.log1p(tau * seen_size)).sum(axis=1)
-    left = score[k:] - (shrunk * along) @ across
-    inside = gram[k:, k:] - np.einsum("tk,ki,kj->tij", shrunk, across, across)
+    along, across = root.T @ score[:n_places], root.T @ gram[:n_places, n_places:]
+    variance = np.append(0.0, _SIZES / max(float(seen_size.mean()), 1e-300))[:, None]
+    shrunk = variance / (1.0 + variance * seen_size)
+    alone = 0.5 * (shrunk * along**2 - np.log1p(variance * seen_size)).sum(axis=1)
+    left = score[n_places:] - (shrunk * along) @ across
+    inside = gram[n_places:, n_places:] - np.einsum("tk,ki,kj->tij", shrunk, across, across)
     share, turns = np.linalg.eigh(inside)
-    is_own = share > OWNED * np.trace(gram[k:, k:])
+    is_own = share > OWNED * np.trace(gram[n_places:, n_places:])
     turned = np.einsum("tij,ti->tj", turns, left)
     gain = (np.where(is_own, turned, 0.0) ** 2 / np.where(is_own, share, 1.0)).sum(axis=1)
-    beside = alone + of_directions(gain, len(score) - k)
+    beside = alone + of_directions(gain, is_own.sum(axis=1))
     return float(alone.max()), float(beside.max())
 
 
@@ -191,7 +210,7 @@ def _is_free(bench: Bench, axis: str, claim: Judged) -> bool:
         for part in term.parts
         if part.basis is not None and part.basis.axis == axis
     }
-    return {channel for channel, _ in claim.shapes.channels} <= free
+    return set(channels_of(claim)) <= free
 
 
 def _places_mm(bench: Bench, axis: str) -> Numbers:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -188,7 +188,8 @@ def search(
     aside: list[Numbers] = []
     # Columns of errors of an axis with more freedom than the fit gave them.
     finer: list[Numbers] = []
-    rough: list[RoughError] = []
+    # Those of them that are rough errors, by their place among these.
+    rough: dict[int, RoughError] = {}
     first: Round | None = None
     ends_early = False
     dropped: dict[EffectReference, str] = {}
@@ -207,14 +208,13 @@ def search(
         best, probe = _claims(looked, level, found, unknown)
         formed = None if best is None else _formed(bench, looked, best, added, steps)
         more = _finer(bench, looked, best, formed, probe, found)
-        own = [] if more is not None else _rough(bench, looked, formed, added, rough, ends_beside_large)
-        more = own[0].columns if own else more
+        own = None if more is not None else _rough(bench, looked, formed, added, rough.values(), ends_beside_large)
+        rough |= {} if own is None else {len(finer): own[0]}
+        more = more if own is None else own[1]
         if more is not None:
             finer.append(more)
-            rough += own
-            dropped |= {one.wave: "no likelier than something else at each place" for one in own}
-            is_told = found or unknown is not None or any(one.judged is not None for one in rough)
-            first = first if is_told else None
+            is_told = unknown is not None or any(one.judged is not None for one in rough.values())
+            first = first if found or is_told else None
             continue
         uneven = None if probe is None else unevenness(looked, found, best, probe)
         if uneven is not None:
@@ -258,7 +258,7 @@ def search(
         dropped |= gone
         taken = {id(one.judged.what) for one in found}
         candidates = [one for one in candidates if id(one) not in taken]
-        candidates += once_more(best.what, offers.known)
+        candidates += once_more(best.what, offers.known, [term.id for term in fitted.terms])
     assert first is not None
     steps.next("each of what was found beside the others")
     beside = [*finer, *aside]
@@ -269,7 +269,8 @@ def search(
     together = tuple(by_first_names(together, [term.id for term in fitted.terms], offers.known))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
-    unknown = unknown or _largest_of_rough(bench, rough, [*finer, *named], looked)
+    unknown = unknown or _largest_of_rough(bench, rough, finer, named, looked)
+    dropped |= {one.wave: "no likelier than something else at each place" for one in rough.values()}
     return Searched(
         bench,
         first,
@@ -281,7 +282,7 @@ def search(
         ends_early,
         dropped,
         with_unread,
-        tuple(rough),
+        tuple(rough.values()),
     )
 
 
@@ -425,20 +426,20 @@ def _rough(
     looked: Round,
     formed: tuple[Judged, Settled] | None,
     added: Sequence[Numbers],
-    before: Sequence[RoughError],
+    before: Iterable[RoughError],
     ends_beside_large: Sequence[str] | None,
-) -> list[RoughError]:
-    """Give the rough error that is as likely as the best name, if that is a wave, and there is one.
+) -> tuple[RoughError, Numbers] | None:
+    """Give the rough error that is as likely as the best name, if that is a wave, and its columns (n, 3, k).
 
     Not where it stands beside the model already, and not where the search ends with the wave: knots that followed one
     leave little to say it by, and in the fit beside it, which is searched again, they are fewer.
     """
-    if formed is None or any(one.wave == reference_of(formed[0]) for one in before):
-        return []
+    if formed is None or any(one.is_of(*formed) for one in before):
+        return None
     own = rough_error(bench, looked, *formed)
     if own is None or _is_large_and_new(bench, formed[1], added, ends_beside_large):
-        return []
-    return [own]
+        return None
+    return own
 
 
 def _is_smooth(found: Found) -> bool:
@@ -451,24 +452,29 @@ def _nameless(looked: Round, probe: Judged) -> Found:
 
 
 def _largest_of_rough(
-    bench: Bench, rough: Sequence[RoughError], others: Sequence[Numbers], last: Round
+    bench: Bench, rough: Mapping[int, RoughError], finer: Sequence[Numbers], named: Sequence[Numbers], last: Round
 ) -> Found | None:
-    """Give rough errors of few places, which may be a wave, as what has no name: the largest of them."""
+    """Give rough errors of few places, which may be a wave, as what has no name: the largest, if anything is left.
+
+    Each stands among the model's functions with more freedom, at the place by which it is given.
+    """
     found = []
-    for one in rough:
+    for place, one in rough.items():
         if one.judged is not None:
-            beside = [columns for columns in others if columns is not one.columns]
-            own = _nameless_at_last(bench, _nameless(last, one.judged), beside, last)
-            found += [] if own is None else [own]
-    return max(found, key=lambda one: one.at_last.gain, default=None)
+            beside = [*named, *(columns for number, columns in enumerate(finer) if number != place)]
+            found.append(_beside(bench, _nameless(last, one.judged), beside, last))
+    largest = max(found, key=lambda one: one.at_last.gain, default=None)
+    return None if largest is None or largest.at_last.gain <= 0.0 else largest
 
 
 def _nameless_at_last(bench: Bench, unknown: Found | None, others: Sequence[Numbers], last: Round) -> Found | None:
     """Estimate what has no name, if anything, beside all the rest, in the noise that all of it leaves."""
-    if unknown is None:
-        return None
+    return None if unknown is None else _beside(bench, unknown, others, last)
+
+
+def _beside(bench: Bench, nameless: Found, others: Sequence[Numbers], last: Round) -> Found:
     space = bench.space_to_estimate_in(last.space.noise, others)
-    return replace(unknown, beside_others=settle(space, bench.scanner(space, n_draws=0), unknown.judged))
+    return replace(nameless, beside_others=settle(space, bench.scanner(space, n_draws=0), nameless.judged))
 
 
 def _why_not(

@@ -20,7 +20,7 @@ _LOOKS = 2
 def waves_seen(fitted: Fitted, offers: Offers, *, threads: int = 0) -> Iterator[tuple[Term, float]]:
     """Give the waves that explain more than their freedom costs, and how many of each are over what was measured.
 
-    The best of each axis; then, beside those of all axes, the next.
+    The best of each candidate; then, beside all these, the next.
     """
     candidates, _, functions = offers.to(fitted)
     waves = [one for one in candidates if is_wave_in_some_form(functions, one)]
