@@ -92,8 +92,8 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     Parameters
     ----------
     claim, settled
-        A candidate, and its values. At many places it has to be one that functions of a model do that are free:
-        what a model that is held does not follow is missing in it.
+        A candidate, and its values. Where what is rough is not to be told as what has no name, functions of the model
+        on the same channels have to be free: what a model that is held does not follow is missing in it.
 
     Notes
     -----
@@ -112,9 +112,9 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     places_mm = _places_mm(bench, axis)
     if len(places_mm) < _FEWEST_PLACES:
         return None
-    is_few, cells_mm = len(places_mm) <= _MOST_PLACES, places_mm
+    is_few, is_free, cells_mm = len(places_mm) <= _MOST_PLACES, _is_free(bench, axis, claim), places_mm
     if not is_few:
-        if not _is_free(bench, axis, claim):
+        if not is_free:
             return None
         cells_mm = np.linspace(places_mm[0], places_mm[-1], _MOST_PLACES)
     at_places = _at_places(bench, axis, cells_mm)
@@ -131,6 +131,8 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     if rough <= 0.0 or with_wave - math.log(claim.what.n_trials) > rough:
         return None
     probe = _as_probe(bench, looked, claim, axis, at_places, channels) if is_few else None
+    if probe is None and not is_free:
+        return None
     wave, period_mm = claim.what.reference, term.inner[place].value
     return RoughError(axis, len(places_mm), wave, period_mm, channels_of(claim), probe), columns
 
