@@ -10,6 +10,7 @@ from geoerr.cli.change_text import change_text
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.change import Change, add_effect
 from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.diagnose.findings import Finding
 from geoerr.fit import FitOptions, fit_model, fit_terms
 from geoerr.fit.inner import other_periods
 from geoerr.fit.periods import alike_periods, periods_to_try
@@ -114,15 +115,18 @@ def _of_few_places(seed: int, step_mm: float, n_places: int, uneven_mm: float) -
     return diagnose(fit_terms(MACHINE, [run.observed(error_um)], options=options), threads=1)
 
 
+def _is_the_wave(found: Finding) -> bool:
+    period = next(one for one in found.parameters if one.name == "P")
+    return str(found.reference) == "periodic:x" and abs(period.value - 5.0) < 0.02
+
+
 def test_periods_that_explain_few_places_as_well_are_told() -> None:
     """At places in nearly even steps a wave has images that few of them tell from it."""
     n_told = 0
     for seed in range(4):
         diagnosis = _of_few_places(seed, 15.8, 24, 1.0)
         for found in diagnosis.found:
-            assert str(found.reference) == "periodic:x"
-            period = next(one for one in found.parameters if one.name == "P")
-            assert abs(period.value - 5.0) < 0.02
+            assert _is_the_wave(found)
             others = found.as_good.get("P", ())
             if others:
                 assert "explain so few places as well: measure at more" in found.words()
@@ -137,9 +141,7 @@ def test_a_wave_that_few_places_cannot_tell_has_no_name() -> None:
     for seed in range(8):
         diagnosis = _of_few_places(seed, 25.0, 16, 7.5)
         for found in diagnosis.found:
-            assert str(found.reference) == "periodic:x"
-            period = next(one for one in found.parameters if one.name == "P")
-            assert abs(period.value - 5.0) < 0.02
+            assert _is_the_wave(found)
             named += 1
         if diagnosis.unknown is not None:
             assert diagnosis.verdict == "unknown"
