@@ -9,6 +9,7 @@ from validation.fine_errors import MACHINE, measured
 
 from geoerr.diagnose import add_effect, diagnose
 from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.diagnose.search import reference_of
 from geoerr.diagnose.search.once_more import by_first_names
 from geoerr.effects import catalogue
 from geoerr.fit import fit_model
@@ -56,7 +57,9 @@ def test_a_rival_is_not_held_against_another_fit() -> None:
     diagnosis = diagnosed((40.0, 8.0), (3.2, 3.0))
     before_um = diagnosis.held_out_rmse_um
     assert before_um is not None
-    assert diagnosis.searched.bench.held_out.um([]) > 1.2 * before_um  # type: ignore[operator]
+    base_um = diagnosis.searched.bench.held_out.um([])
+    assert base_um is not None
+    assert base_um > 1.2 * before_um
     assert len(diagnosis.candidates) > 1
     for rival in diagnosis.candidates[1:]:
         found = [one for one in diagnosis.found if one.reference == rival.reference]
@@ -103,9 +106,9 @@ def test_a_second_is_no_candidate_without_a_first() -> None:
 
 def test_a_second_without_a_first_is_the_first() -> None:
     found = diagnosed((16.0, 5.0), (5.0, 5.0)).searched.found
-    second = next(one for one in found if "second" in str(one.judged.what.reference))  # type: ignore[union-attr]
+    second = next(one for one in found if "second" in str(reference_of(one.judged)))
     (alone,) = by_first_names([second], [], catalogue())
-    assert str(alone.judged.what.reference) == "periodic:x"  # type: ignore[union-attr]
+    assert str(reference_of(alone.judged)) == "periodic:x"
     for settled in (alone.settled, alone.at_last):
         assert settled.term is not None
         assert (settled.term.id, settled.term.effect) == ("periodic:x", "periodic")

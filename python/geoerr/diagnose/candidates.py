@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -165,7 +165,7 @@ def candidates_of(
             fitted.machine, columns, n_sessions=sightings.n_set_ups, is_circular=is_circular
         )
         for reference in references:
-            if str(reference) in taken or not _has_its_first(effect, reference, taken):
+            if str(reference) in taken or not has_its_first(effect, reference, taken):
                 continue
             terms, refined = (
                 [term for term in own if not _stands_still(fitted, term, still)]
@@ -187,7 +187,7 @@ def candidates_of(
     return found, [*not_offered, *faded], functions
 
 
-def _has_its_first(effect: Effect, reference: EffectReference, taken: set[str]) -> bool:
+def has_its_first(effect: Effect, reference: EffectReference, taken: Collection[str]) -> bool:
     """Tell whether an effect is none that stands only beside another, or that one is in the model."""
     return effect.again is None or str(replace(reference, effect=effect.again)) in taken
 

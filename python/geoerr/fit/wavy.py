@@ -57,7 +57,7 @@ def without_waves(fitted: Fitted) -> tuple[Term, ...] | None:
     for term, own in zip(fitted.terms, fitted.compiled.coefficient_slices, strict=True):
         basis = _many_knots(term)
         if basis is not None:
-            plain = spline_over(basis.axis, positions[basis.axis], _SMOOTH)
+            plain = _few_knots(basis.axis, positions)
             if _is_wave(fitted, term, own, basis, plain, positions[basis.axis], price):
                 term = on_basis(term, plain)
         terms.append(term)
@@ -70,19 +70,19 @@ def with_few_knots_along(fitted: Fitted, terms: Sequence[Term]) -> tuple[Term, .
     Errors of one axis go together where targets and the other axes hardly move: what follows a wave then is all of
     them, and of none alone a wave would do as much.
     """
-    axes = {_axis_of(one) for before, one in zip(fitted.terms, terms, strict=True) if one != before}
+    changed = (before for before, one in zip(fitted.terms, terms, strict=True) if one != before)
+    axes = {basis.axis for before in changed if (basis := _many_knots(before)) is not None}
     positions = positions_by_axis(fitted.sightings.commanded_mm, SAME_POSITION_MM)
     return tuple(
-        on_basis(one, spline_over(basis.axis, positions[basis.axis], _SMOOTH))
+        on_basis(one, _few_knots(basis.axis, positions))
         if (basis := _many_knots(one)) is not None and basis.axis in axes
         else one
         for one in terms
     )
 
 
-def _axis_of(term: Term) -> str | None:
-    basis = term.parts[0].basis
-    return None if basis is None else basis.axis
+def _few_knots(axis: str, positions_mm: Mapping[str, Numbers]) -> BasisSpec:
+    return spline_over(axis, positions_mm[axis], _SMOOTH)
 
 
 def may_be_followed(own: Term, effect: Term) -> bool:

@@ -60,12 +60,12 @@ class BesideEach:
 
     def _anew(self, settled: Settled) -> _Anew:
         """Estimate noise and inner parameters in turn: those that fit into much noise do not fit beside it."""
-        found = [_Anew(settled, self._noise(_coefficients(settled)))]
+        found = [_Anew(settled, self._noise(settled.of_coefficients))]
         assert settled.term is not None
         for _ in range(_TIMES if any(one.std > 0.0 for one in settled.term.inner) else 0):
             space = self.bench.space_to_estimate_in(found[-1].noise, self.added)
             again = resettle(space, self.bench.scanner(space, n_draws=0), found[-1].settled)
-            found.append(_Anew(again, self._noise(_coefficients(again))))
+            found.append(_Anew(again, self._noise(again.of_coefficients)))
         return max(found, key=lambda one: one.twice_log_likelihood)
 
     def _noise(self, columns: Numbers) -> NoiseModel:
@@ -82,9 +82,3 @@ class _Anew:
     @property
     def twice_log_likelihood(self) -> float:
         return 2.0 * self.noise.log_likelihood
-
-
-def _coefficients(settled: Settled) -> Numbers:
-    """Give the columns of the coefficients: those of inner derivatives would be freedom that it does not have."""
-    assert settled.term is not None
-    return settled.raw[:, :, : len(settled.term.coefficients)]

@@ -32,7 +32,7 @@ def is_one_wave(functions: Functions, settled: Settled) -> bool:
     columns = _in_parts(functions, settled)
     if columns is None:
         return True
-    _, root, whole = estimate(settled.space, _waves(settled))
+    _, root, whole = estimate(settled.space, settled.of_coefficients)
     _, root_of_parts, parts = estimate(settled.space, columns)
     more, rank = float(parts - whole), root_of_parts.shape[1] - root.shape[1]
     if rank <= 0 or float(chi_squared_sf(more, rank)) > _NO_CHANCE:
@@ -52,10 +52,5 @@ def _in_parts(functions: Functions, settled: Settled) -> np.ndarray | None:
     along_mm = settled.space.fitted.sightings.commanded_mm[:, AXES.index(term.variables[0])]
     ends_mm = np.linspace(along_mm.min(), along_mm.max(), n_parts + 1)
     part = np.clip(np.searchsorted(ends_mm, along_mm, side="right") - 1, 0, n_parts - 1)
-    waves = _waves(settled)
+    waves = settled.of_coefficients
     return np.concatenate([waves * (part == number)[:, None, None] for number in range(n_parts)], axis=2)
-
-
-def _waves(settled: Settled) -> np.ndarray:
-    assert settled.term is not None
-    return settled.raw[:, :, : len(settled.term.coefficients)]

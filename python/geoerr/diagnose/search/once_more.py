@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from geoerr.diagnose.candidates import Candidate, Shapes
+from geoerr.diagnose.candidates import Candidate, Shapes, has_its_first
 from geoerr.diagnose.probes import Probe
+from geoerr.diagnose.search.judged import reference_of
 from geoerr.diagnose.search.rivals import Found
 from geoerr.diagnose.search.settle import Settled
 from geoerr.effects import Effect
@@ -40,15 +41,14 @@ def by_first_names(found: Sequence[Found], present: Sequence[str], known: Catalo
     present
         Ids of the terms that the model has.
     """
-    names = {*present, *(str(_reference(one)) for one in found if isinstance(one.judged.what, Candidate))}
+    names = {*present, *(str(reference_of(one.judged)) for one in found)}
     return [_by_first_name(one, names, known) for one in found]
 
 
 def _by_first_name(found: Found, names: set[str], known: Catalogue) -> Found:
     what, judged = found.judged.what, found.judged
-    if not isinstance(what, Candidate) or what.effect.again is None:
-        return found
-    if str(replace(what.reference, effect=what.effect.again)) in names:
+    assert isinstance(what, Candidate)
+    if what.effect.again is None or has_its_first(what.effect, what.reference, names):
         return found
     first = known[what.effect.again]
     again = _named(what, first)
@@ -77,8 +77,3 @@ def _settled(settled: Settled, reference: EffectReference, effect: Effect) -> Se
 
 def _term(term: Term, reference: EffectReference, effect: Effect) -> Term:
     return replace(term, id=str(reference), title=effect.title, effect=effect.id, source=effect.origin)
-
-
-def _reference(found: Found) -> EffectReference:
-    assert isinstance(found.judged.what, Candidate)
-    return found.judged.what.reference

@@ -9,7 +9,7 @@ some wave always does a part. So the wave is asked for beside errors that are as
 |---|---|---|
 | B | `_at_places` | whitened columns of an error of 1 mm at each place, or cell of places, off the model |
 | C | `_covariances` | covariance of the errors at the places, of size 1 |
-| W | `Settled.raw` | columns of the wave |
+| W | `Settled.of_coefficients` | columns of the wave |
 | τ² | `variance` | how rough: the errors' variance |
 """
 
@@ -120,8 +120,7 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     at_places = _at_places(bench, axis, cells_mm)
     channels = [bench.channels[name] * factor for name, factor in claim.shapes.channels]
     columns = np.concatenate([own[:, :, None] * at_places[:, None, :] for own in channels], axis=2)
-    waves = settled.raw[:, :, : len(term.coefficients)]
-    own = seen(looked.space, np.concatenate([columns, waves], axis=2))
+    own = seen(looked.space, np.concatenate([columns, settled.of_coefficients], axis=2))
     keep = _beyond_the_model(own.gram_beyond, own.gram, columns.shape[2])
     gram, score = keep.T @ own.gram_beyond @ keep, keep.T @ own.score(looked.space)
     rough, with_wave = -math.inf, -math.inf

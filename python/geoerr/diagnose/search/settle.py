@@ -55,6 +55,12 @@ class Settled:
     visible_um: float
     space: Space
 
+    @property
+    def of_coefficients(self) -> Numbers:
+        """Columns (n, 3, k) of coefficients alone: those of inner derivatives would be more freedom than it has."""
+        assert self.term is not None
+        return self.raw[:, :, : len(self.term.coefficients)]
+
 
 def settle(space: Space, scanner: Scanner, judged: Judged, *, refinements: int = _REFINEMENTS) -> Settled:
     """Refine the inner parameters of a candidate, and give its values with standard errors."""

@@ -78,8 +78,7 @@ def columns_along(explained: Numbers, column: Numbers) -> tuple[Numbers, Numbers
 def explained_by(settled: Settled) -> Numbers:
     """Give what an effect explains, (n, 3), in units of the stated uncertainties."""
     assert settled.term is not None
-    values = [one.value for one in settled.term.coefficients]
-    return np.asarray(settled.raw[:, :, : len(values)] @ values)
+    return np.asarray(settled.of_coefficients @ [one.value for one in settled.term.coefficients])
 
 
 def _uneven(space: Space, explained: Numbers, axis: str, column: Numbers, *, is_added: bool) -> Uneven:
