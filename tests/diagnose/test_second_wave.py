@@ -1,4 +1,4 @@
-"""Two waves on one axis, as of a pulley and of the motor's steps: the second is looked for beside the first."""
+"""Waves on one axis, as of a pulley, its belt and the motor's steps: each is looked for beside those before it."""
 
 from collections.abc import Callable
 from functools import cache
@@ -13,6 +13,7 @@ from geoerr.diagnose.search import reference_of
 from geoerr.diagnose.search.once_more import by_first_names
 from geoerr.effects import catalogue
 from geoerr.fit import fit_model
+from geoerr.model import Model
 from geoerr.observations import Observations
 
 Wave = Callable[[np.ndarray], np.ndarray]
@@ -22,10 +23,10 @@ def wave(period_mm: float, size_um: float) -> Wave:
     return lambda q: size_um * np.sin(2.0 * np.pi * q / period_mm + 1.0)
 
 
-def observed(*waves: Wave, noise_um: float = 2.0) -> Observations:
+def observed(*waves: Wave, noise_um: float = 2.0, seed: int = 5) -> Observations:
     """Measure a machine with waves on X and nothing else."""
     curves = [lambda q: np.sum([one(q) for one in waves], axis=0), np.zeros_like, np.zeros_like]
-    return measured(np.random.default_rng(5), curves, noise_um)
+    return measured(np.random.default_rng(seed), curves, noise_um)
 
 
 @cache
@@ -115,3 +116,53 @@ def test_a_second_without_a_first_is_the_first() -> None:
     assert np.array_equal(alone.settled.raw, second.settled.raw)
     assert by_first_names(found, [], catalogue()) == list(found)
     assert by_first_names([second], ["periodic:x"], catalogue()) == [second]
+
+
+THREE = ((40.0, 8.0), (2.0, 4.0), (0.8, 3.0))
+
+
+def test_of_three_all_are_named() -> None:
+    """Of a third nothing was said."""
+    found = periods(diagnosed(*THREE))
+    assert sorted(found) == ["periodic-second:x", "periodic-third:x", "periodic:x"]
+    assert sorted(found.values()) == pytest.approx(sorted(period_mm for period_mm, _ in THREE), rel=3e-3)
+
+
+def test_a_third_without_others_is_the_first() -> None:
+    found = diagnosed(*THREE).searched.found
+    by_name = {str(reference_of(one.judged)): one for one in found}
+    first, third = by_name["periodic:x"], by_name["periodic-third:x"]
+    (alone,) = by_first_names([third], [], catalogue())
+    assert str(reference_of(alone.judged)) == "periodic:x"
+    named = [str(reference_of(one.judged)) for one in by_first_names([third, first], [], catalogue())]
+    assert named == ["periodic-second:x", "periodic:x"]
+    assert by_first_names(found, [], catalogue()) == list(found)
+
+
+def of_the_first() -> Model:
+    """Give a model that has a wave of 16 mm and 5 µm, fitted to a machine that has it."""
+    data = observed(wave(16.0, 5.0))
+    return add_effect(fit_model(MACHINE, data).model, data, reference="periodic:x", threads=1).result.model
+
+
+@pytest.mark.parametrize(
+    ("sizes_um", "names"),
+    [
+        (((16.0, 5.0), (5.0, 5.0)), {"periodic-second:x": 5.0}),
+        (((16.0, 9.0),), {"periodic:x": 16.0}),
+        (((16.0, 9.0), (5.0, 5.0)), {"periodic:x": 16.0, "periodic-second:x": 5.0}),
+        (((16.0, 5.0), (5.0, 5.0), (2.0, 4.0)), {"periodic-second:x": 5.0, "periodic-third:x": 2.0}),
+    ],
+)
+def test_beside_a_model_that_is_held_another_wave_has_another_name(
+    sizes_um: tuple[tuple[float, float], ...], names: dict[str, float]
+) -> None:
+    """It was called the wave that the model has, of another period: adding that would have lost the first."""
+    model = of_the_first()
+    data = observed(*(wave(period_mm, size_um) for period_mm, size_um in sizes_um), seed=7)
+    diagnosis = diagnose(model, data, threads=1)
+    assert diagnosis.comparison is not None
+    assert diagnosis.comparison.is_held
+    assert periods(diagnosis) == pytest.approx(names, rel=3e-3)
+    for one in diagnosis.found:
+        assert one.in_model == (one.reference.effect == "periodic")

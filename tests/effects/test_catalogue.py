@@ -26,6 +26,7 @@ EXPECTED: dict[str, tuple[str | None, str, str]] = {
     "angular-reversal": ("y", "c_x c_y c_z", ""),
     "periodic": ("x", "A B", "P"),
     "periodic-second": ("x", "A B", "P"),
+    "periodic-third": ("x", "A B", "P"),
     "screw-wobble": ("z", "A_x A_y B_x B_y", "P"),
     "lag": ("x", "tau", ""),
     "servo-mismatch": ("xy", "dtau", ""),

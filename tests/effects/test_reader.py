@@ -320,13 +320,19 @@ def test_an_effect_may_be_there_twice(tmp_path: Path) -> None:
     assert one.parts == other.parts
 
 
+def test_an_effect_may_be_there_three_times(tmp_path: Path) -> None:
+    first, second, third = load(tmp_path, AGAIN.format("own", '[[effect]]\nid = "own-third"\nagain = "own-second"'))
+    assert (first.again, second.again, third.again) == (None, "own", "own-second")
+    assert third.term("x", None, machine()).parts == first.term("x", None, machine()).parts
+
+
 @pytest.mark.parametrize(
     ("name", "more", "problem"),
     [
         ("owl", "", "'owl' is no effect above"),
         ("own-second", "", "'own-second' is no effect above"),
         ("own", 'expression = "k*q"', "expression.*stands beside again"),
-        ("own", '[[effect]]\nid = "own-third"\nagain = "own-second"', "'own-second' is one that is there twice"),
+        ("own", '[[effect]]\nid = "own-third"\nagain = "own"', "'own' is there again as own-second"),
     ],
 )
 def test_what_is_there_twice_says_no_more_than_words(tmp_path: Path, name: str, more: str, problem: str) -> None:

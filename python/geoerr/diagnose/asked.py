@@ -21,6 +21,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.model import Model
 from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
+from geoerr.terms import Term
 
 
 def diagnose(
@@ -101,13 +102,12 @@ def diagnose(
 
 def _of_comparison(comparison: Comparison, known: Catalogue, steps: Steps, threads: int) -> Diagnosis:
     """Search what a model leaves, as it is held or fitted."""
-    fitted, held, doubt = comparison.whole, list[str](), None
+    fitted, held, doubt = comparison.whole, tuple[Term, ...](), None
     # A model that is held has its terms outside the fit.
     if comparison.is_held:
-        # Of an effect that it has the machine may have come to have more.
-        held = [term.id for term in all_terms(comparison.model) if term.kind == "classic"]
+        held = all_terms(comparison.model)
         doubt = own_doubt(comparison.model, fitted, counts_choice=True)
-    whole, searched = searched_whole(fitted, known, present=held, doubt=doubt, steps=steps, threads=threads)
+    whole, searched = searched_whole(fitted, known, held=held, doubt=doubt, steps=steps, threads=threads)
     return diagnosis_of(whole, searched, known, comparison, as_it_was=fitted, steps=steps)
 
 

@@ -12,6 +12,7 @@ from geoerr.diagnose.functions import Functions
 from geoerr.effects.collection import Catalogue
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Sightings
+from geoerr.terms import Term
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +44,12 @@ class Offers:
     ----------
     known
         The catalogue.
-    present
-        Channels of classic errors that the model has besides those of a fit.
+    held
+        Terms that the model has besides those of a fit.
     """
 
-    def __init__(self, known: Catalogue, present: Sequence[str] = ()) -> None:
-        self.known, self.present = known, present
+    def __init__(self, known: Catalogue, held: Sequence[Term] = ()) -> None:
+        self.known, self.held = known, held
         self._last: _LaidOut | None = None
 
     def to(self, fitted: Fitted) -> tuple[list[Candidate], tuple[tuple[str, str], ...], Functions]:
@@ -56,7 +57,12 @@ class Offers:
         if self._last is None or not self._last.serves(fitted):
             # Two of them would be hundreds of megabytes of many rows.
             self._last = None
-            candidates, not_offered, functions = candidates_of(fitted, self.known, self.present)
+            candidates, not_offered, functions = candidates_of(
+                fitted,
+                self.known,
+                # Of an effect that it has the machine may have come to have more.
+                present=[term.id for term in self.held if term.kind == "classic"],
+            )
             own = fitted.sightings, fitted.solved.used, _names(fitted)
             self._last = _LaidOut(*own, tuple(candidates), tuple(not_offered), functions)
         last = self._last

@@ -7,6 +7,7 @@ time, of which there are too many for columns, are in `waves_in_time`.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -18,10 +19,12 @@ import numpy as np
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.probe_variables import MOST_DEGREES, PLAYS, Variable
+from geoerr.errors import InputFileError
+from geoerr.fit.empirical import empirical_term
 from geoerr.fit.fitted import Fitted
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
-from geoerr.terms import EMPIRICAL
+from geoerr.terms import EMPIRICAL, Term
 
 _Degrees = tuple[tuple[int, int], ...]
 Form = Literal["smooth", "play", "waves", "hum", "places"]
@@ -115,6 +118,18 @@ def curve_reference(probe: Probe, channel: str) -> str:
     """Give a probe on a channel as the reference of an empirical curve writes it: `work-x` on the work."""
     component = channel.removeprefix("tool-")
     return f"{EMPIRICAL}:{component}@{'*'.join(probe.depends_on)}"
+
+
+def curve_term(fitted: Fitted, probe: Probe, channel: str) -> Term | None:
+    """Give a probe on a channel as the term of a curve; None where the data leave nothing to draw it by.
+
+    Between places that are off by something each there is none.
+    """
+    if probe.form == "places":
+        return None
+    with contextlib.suppress(InputFileError):
+        return empirical_term(fitted, curve_reference(probe, channel))
+    return None
 
 
 def shapes_on(channel: str, codes: Sequence[Sequence[int]], trials: Sequence[tuple[float, ...]] = ((),)) -> Shapes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,7 +12,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.probes import Probe, curve_reference
+from geoerr.diagnose.probes import Probe, curve_reference, curve_term
 from geoerr.diagnose.search import (
     Found,
     Judged,
@@ -29,10 +28,9 @@ from geoerr.diagnose.search import (
 from geoerr.diagnose.steps import Steps
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
 from geoerr.effects.collection import Catalogue
-from geoerr.errors import InputFileError
 from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
-from geoerr.fit.empirical import curve_of, empirical_term
+from geoerr.fit.empirical import curve_of
 from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import EffectReference, Term
@@ -320,12 +318,10 @@ class _Summary:
         earlier = [one.settled.term for one in self.searched.found]
         curve, held_out = None, None
         before = with_terms(self.fitted, earlier)
-        # Of what the model has in part the data may leave nothing to draw a curve by; between places there is none.
-        if probe.form != "places":
-            with contextlib.suppress(InputFileError):
-                term = empirical_term(before, reference)
-                after = fit_again(before, [*before.terms, term])
-                curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
+        term = curve_term(before, probe, channel_of(judged))
+        if term is not None:
+            after = fit_again(before, [*before.terms, term])
+            curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
         columns = self.fitted.sightings.covariate_columns
         moved_um = displacement_um(settled.space, settled.moved)
         return Unknown(

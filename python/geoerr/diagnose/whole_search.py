@@ -10,7 +10,6 @@ would be called another formula: it is taken off, as the fit beside has it.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
@@ -20,15 +19,13 @@ import numpy as np
 from geoerr.diagnose.few_knots import with_few_knots
 from geoerr.diagnose.gaps import unread_rows
 from geoerr.diagnose.offers import Offers
-from geoerr.diagnose.probes import Probe, curve_reference
+from geoerr.diagnose.probes import Probe, curve_term
 from geoerr.diagnose.search import Found, Searched, channel_of, search
 from geoerr.diagnose.second_order import second_order
 from geoerr.diagnose.steps import RoundSteps, Steps
 from geoerr.effects.collection import Catalogue
-from geoerr.errors import InputFileError
 from geoerr.fit import Fitted, has_covariates, refit
 from geoerr.fit.choose_again import choose_again, is_worth_asking
-from geoerr.fit.empirical import empirical_term
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
@@ -40,7 +37,7 @@ def searched_whole(
     fitted: Fitted,
     known: Catalogue,
     *,
-    present: Sequence[str] = (),
+    held: Sequence[Term] = (),
     doubt: Numbers | None = None,
     steps: Steps | None = None,
     threads: int = 0,
@@ -49,15 +46,15 @@ def searched_whole(
 
     Parameters
     ----------
-    present
-        Channels of classic errors that the model has besides those of the fit.
+    held
+        Terms that the model has besides those of the fit.
     doubt : (n, 3, k) or None
         How far that part of the model may be off.
     steps
         Told what is done next.
     """
     steps = steps or Steps()
-    offers = Offers(known, present)
+    offers = Offers(known, held)
     few = with_few_knots(fitted, offers, steps=steps, threads=threads)
     if few is not None:
         kept = {term.id for term in few.changed}
@@ -133,17 +130,9 @@ def _fitted_beside(fitted: Fitted, searched: Searched, rounds: RoundSteps) -> Fi
 
 
 def _term_of(fitted: Fitted, found: Found) -> Term | None:
-    """Give what was found as a term: a curve of what has no name; None where the data leave nothing to draw it by.
-
-    Nor is there one between places that are off by something each.
-    """
-    if not isinstance(found.judged.what, Probe):
-        return found.settled.term
-    if found.judged.what.form == "places":
-        return None
-    with contextlib.suppress(InputFileError):
-        return empirical_term(fitted, curve_reference(found.judged.what, channel_of(found.judged)))
-    return None
+    """Give what was found as a term, of what has no name a curve; None where the data leave nothing to draw it by."""
+    what = found.judged.what
+    return curve_term(fitted, what, channel_of(found.judged)) if isinstance(what, Probe) else found.settled.term
 
 
 def _as_beside(fitted: Fitted, beside: Fitted, kept: Collection[str]) -> tuple[Fitted, Numbers]:

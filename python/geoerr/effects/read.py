@@ -140,8 +140,9 @@ def _once_more(table: dict[str, Any], number: int, path: str | Path, earlier: Se
     if first is None:
         remedy = "it is for what may be there twice: name an effect that stands before it in the file"
         raise entries.refuse("again", f"{shortened(again)} is no effect above", remedy)
-    if first.again is not None:
-        raise entries.refuse("again", f"{shortened(again)} is one that is there twice", f"name {first.again}")
+    last = next((one for one in earlier if one.again == again), None)
+    if last is not None:
+        raise entries.refuse("again", f"{shortened(again)} is there again as {last.id}", f"name {last.id}")
     for key in table:
         if key in EFFECT_KEYS and key not in _AGAIN_KEYS:
             raise entries.refuse(key, "stands beside again", f"leave it out: it is that of {again}")

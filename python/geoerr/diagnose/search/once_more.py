@@ -1,4 +1,4 @@
-"""Effects that a machine may have twice on one axis: the second is looked for once the first was found.
+"""Effects that a machine may have more than once on one axis: the next is looked for once the one before was found.
 
 Before, both would be one candidate. Where the first is dropped again because the second does it, too, that is the
 first.
@@ -41,22 +41,50 @@ def by_first_names(found: Sequence[Found], present: Sequence[str], known: Catalo
     present
         Ids of the terms that the model has.
     """
+    named = list(found)
+    while (place := _without_first(named, present)) is not None:
+        effect = candidate_of(named[place]).effect
+        assert effect.again is not None
+        named[place] = by_name_of(named[place], known[effect.again])
+    return named
+
+
+def in_turn(effect: Effect, known: Catalogue) -> list[Effect]:
+    """Give an effect with all that are it once more, in the order in which they are looked for."""
+    while effect.again is not None:
+        effect = known[effect.again]
+    turns: list[Effect] = []
+    following: Effect | None = effect
+    while following is not None:
+        turns.append(following)
+        following = next((one for one in known if one.again == turns[-1].id), None)
+    return turns
+
+
+def candidate_of(found: Found) -> Candidate:
+    """Give the candidate that was found; what has no name is none."""
+    assert isinstance(found.judged.what, Candidate)
+    return found.judged.what
+
+
+def _without_first(found: Sequence[Found], present: Sequence[str]) -> int | None:
     names = {*present, *(str(reference_of(one.judged)) for one in found)}
-    return [_by_first_name(one, names, known) for one in found]
+    for place, one in enumerate(found):
+        candidate = candidate_of(one)
+        if not has_its_first(candidate.effect, candidate.reference, names):
+            return place
+    return None
 
 
-def _by_first_name(found: Found, names: set[str], known: Catalogue) -> Found:
-    what, judged = found.judged.what, found.judged
-    assert isinstance(what, Candidate)
-    if what.effect.again is None or has_its_first(what.effect, what.reference, names):
-        return found
-    first = known[what.effect.again]
-    again = _named(what, first)
+def by_name_of(found: Found, effect: Effect) -> Found:
+    """Give what was found by the name of an effect that has the same formula."""
+    judged = found.judged
+    again = _named(candidate_of(found), effect)
     return replace(
         found,
-        judged=replace(judged, what=again, shapes=_shapes(judged.shapes, again.reference, first)),
-        settled=_settled(found.settled, again.reference, first),
-        beside_others=None if found.beside_others is None else _settled(found.beside_others, again.reference, first),
+        judged=replace(judged, what=again, shapes=_shapes(judged.shapes, again.reference, effect)),
+        settled=_settled(found.settled, again.reference, effect),
+        beside_others=None if found.beside_others is None else _settled(found.beside_others, again.reference, effect),
     )
 
 

@@ -21,6 +21,7 @@ from geoerr.diagnose.search.beside_each import BesideEach
 from geoerr.diagnose.search.best_form import at_its_values, beside_others, in_best_form
 from geoerr.diagnose.search.coherence import is_one_wave
 from geoerr.diagnose.search.finer import finer_functions
+from geoerr.diagnose.search.held_waves import beside_held
 from geoerr.diagnose.search.helpful_order import in_helpful_order, without_harmful
 from geoerr.diagnose.search.judged import (
     ALPHA,
@@ -267,6 +268,7 @@ def search(
     together, harmful = _that_help(bench, together, finer, aside, looked)
     dropped |= harmful
     together = tuple(by_first_names(together, [term.id for term in fitted.terms], offers.known))
+    together = tuple(beside_held(together, offers.held, offers.known, bench.functions))
     named = [one.settled.raw for one in together]
     unknown = _nameless_at_last(bench, unknown, [*finer, *aside[1:], *named], looked)
     unknown = unknown or _largest_of_rough(bench, rough, finer, named, looked)

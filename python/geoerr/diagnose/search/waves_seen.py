@@ -13,8 +13,8 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
 
-# A machine may have two waves on an axis, and many knots follow the one that is not the best.
-_LOOKS = 2
+# A machine may have three waves on an axis, and many knots follow one that is not the best.
+_LOOKS = 3
 
 
 def waves_seen(fitted: Fitted, offers: Offers, *, threads: int = 0) -> Iterator[tuple[Term, float]]:
