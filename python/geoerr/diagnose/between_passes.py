@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from geoerr.diagnose.marker import Rise, rises
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.where import rms_um, unwhitened_um
 from geoerr.diagnose.words import sure_words, um_words
@@ -42,6 +43,8 @@ class BetweenPasses:
         That passes in any other order would rise or fall with time as much, by their ranks; None: too few passes.
     trend_um
         How much the straight line through the passes' means rises in a session along `component`, on average.
+    of_marker, of_machine
+        How much static reference markers and the machine's targets rise so; None where none is in view.
     """
 
     worth_um: float
@@ -49,6 +52,8 @@ class BetweenPasses:
     component: str
     trend_p: float | None
     trend_um: float | None
+    of_marker: Rise | None = None
+    of_machine: Rise | None = None
 
     @property
     def stands_out(self) -> bool:
@@ -63,7 +68,7 @@ class BetweenPasses:
     @property
     def short_words(self) -> str:
         """Give it as what a verdict that found nothing counts as noise."""
-        what = "a drift over time" if self.rises else "what differs from pass to pass"
+        what = (self._whose() or "a drift over time") if self.rises else "what differs from pass to pass"
         return f"{what} ({um_words(self.worth_um)} rms) counts as noise"
 
     def words(self) -> str:
@@ -77,10 +82,31 @@ class BetweenPasses:
         if not self.rises:
             return f"{text}. It does not rise or fall with time: offsets of passes, not a drift"
         way = "rises" if self.trend_um > 0.0 else "falls"
+        whose = self._whose() or "a drift of the machine or of the measuring device"
         return (
-            f"{text}. It {way} with time, by {um_words(abs(self.trend_um))} in a session: a drift of the machine or "
-            f"of the measuring device ({sure_words(self.trend_p)}). A fixed reference marker in the view tells which"
+            f"{text}. It {way} with time, by {um_words(abs(self.trend_um))} in a session: {whose} "
+            f"({sure_words(self.trend_p)}). {self._marker_words()}"
         )
+
+    def _whose(self) -> str | None:
+        """Give whose drift it is; None where that is not known."""
+        if self.of_marker is None or self.of_machine is None:
+            return None
+        if self.of_marker.is_none:
+            return "a drift of the machine"
+        is_all = self.of_marker.is_that_of(self.of_machine)
+        return f"a drift of the {'measuring device' if is_all else 'machine and of the measuring device'}"
+
+    def _marker_words(self) -> str:
+        if self.of_marker is None or self.of_machine is None:
+            return "A fixed reference marker in the view tells which"
+        moved = f"{um_words(abs(self.of_marker.um))} (± {um_words(self.of_marker.std_um)})"
+        if self.of_marker.is_none:
+            return f"The fixed marker stood still while it was measured, within {moved}"
+        way = "rose" if self.of_marker.um > 0.0 else "fell"
+        if self.of_marker.is_that_of(self.of_machine):
+            return f"The fixed marker {way} with it, by {moved}: add camera-drift, and warm the cameras up next time"
+        return f"The fixed marker {way} by {moved}: so much is the measuring device's, the rest is the machine's"
 
     def to_document(self) -> dict[str, Any]:
         """Give it for JSON."""
@@ -90,6 +116,8 @@ class BetweenPasses:
             "component": self.component,
             "trend_p_value": self.trend_p,
             "trend_um": self.trend_um,
+            "marker_um": None if self.of_marker is None else self.of_marker.um,
+            "marker_std_um": None if self.of_marker is None else self.of_marker.std_um,
             "stands_out": self.stands_out,
         }
 
@@ -105,7 +133,10 @@ def between_passes(space: Space) -> BetweenPasses:
     shared_um = unwhitened_um(space, shared)
     component = int(np.argmax((shared_um**2).sum(axis=0)))
     trend_p, trend_um = _trend(space, shared_um[:, component])
-    return BetweenPasses(rms_um(space, shared), rms_um(space, own), AXES[component], trend_p, trend_um)
+    left_um = unwhitened_um(space, space.noise.unwhiten(space.residual) * space.rows)[:, component]
+    of_marker, of_machine = rises(space.fitted.sightings, space.rows.any(axis=1), left_um) or (None, None)
+    worth_um = rms_um(space, shared), rms_um(space, own)
+    return BetweenPasses(*worth_um, AXES[component], trend_p, trend_um, of_marker, of_machine)
 
 
 def _trend(space: Space, shared_um: Numbers) -> tuple[float | None, float | None]:
