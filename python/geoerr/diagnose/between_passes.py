@@ -134,7 +134,8 @@ def between_passes(space: Space) -> BetweenPasses:
     component = int(np.argmax((shared_um**2).sum(axis=0)))
     trend_p, trend_um = _trend(space, shared_um[:, component])
     left_um = unwhitened_um(space, space.noise.unwhiten(space.residual) * space.rows)[:, component]
-    of_marker, of_machine = rises(space.fitted.sightings, space.rows.any(axis=1), left_um) or (None, None)
+    used = np.asarray(space.rows.any(axis=1))
+    of_marker, of_machine = rises(space.fitted.sightings, used, left_um) or (None, None)
     worth_um = rms_um(space, shared), rms_um(space, own)
     return BetweenPasses(*worth_um, AXES[component], trend_p, trend_um, of_marker, of_machine)
 
