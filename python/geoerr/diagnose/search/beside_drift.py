@@ -81,7 +81,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     clear = [one for one in clear[:_MOST_LIKE_DRIFT] if one.evidence > max(most, enough(one))]
     if not clear:
         return looked
-    without = _log_likelihood(sums, bench)
+    without, p_asked = _log_likelihood(sums, bench), 1.0
     for one in clear:
         # A drift forgives no jump at the wrong moment: the time is found first.
         columns = scanner.raw_columns(settle(calm, scanner, one).shapes, 0)
@@ -92,14 +92,16 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
         p_value = looked.p_value_of(found)
         if n_asked and _is_asked_for(one.what):
-            p_value = min(p_value, n_asked * math.exp(-found))
+            of_asked = min(n_asked * math.exp(-found), 1.0)
+            p_value, p_asked = min(p_value, of_asked), min(p_asked, of_asked)
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
         if evidence > enough(one):
             judged[id(one.what)] = replace(
                 one, gain=gain, surprise=found, evidence=evidence, p_value=p_value, noise=noise
             )
-    return replace(looked, candidates=_simplest_first(sorted(judged.values(), key=lambda one: -one.evidence)))
+    candidates = _simplest_first(sorted(judged.values(), key=lambda one: -one.evidence))
+    return replace(looked, candidates=candidates, p_asked=p_asked)
 
 
 def is_beside_drift(bench: Bench, space: Space, added: Sequence[Numbers], judged: Judged, settled: Settled) -> bool:

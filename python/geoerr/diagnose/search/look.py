@@ -51,6 +51,8 @@ class Round:
         What it finds among the probes.
     is_halved
         Whether all this has half of the level only, and so p-values twice as large: an axis was asked for its play.
+    p_asked
+        That there is none, where it was asked for.
     """
 
     space: Space
@@ -61,17 +63,21 @@ class Round:
     null: Null
     null_of_probes: Null
     is_halved: bool = False
+    p_asked: float = 1.0
 
     @property
     def p_value(self) -> float:
         """That nothing is missing, for all that was looked at, before any gate: uniform where nothing is.
 
-        Candidates have one half of the level and probes the other, however many there are of each.
+        Candidates have one half of the level and probes the other, however many there are of each; and all these as
+        much as what was asked for.
         """
         halves = (self.null, self.candidates), (self.null_of_probes, self.probes)
-        return p_value_of_all(
+        searched = p_value_of_all(
             [(null, max((one.surprise for one in judged), default=-math.inf)) for null, judged in halves]
         )
+        # That the smaller of two is so small (Šidák).
+        return 1.0 - (1.0 - min(searched, self.p_asked)) ** 2 if self.is_halved else searched
 
     def p_value_of(self, surprise: float) -> float:
         """Give the p-value of a candidate that surprises so much."""
