@@ -58,7 +58,7 @@ source = "own measurements"
 unit = "1/K"
 [effect.inner.q_fixed]
 unit = "mm"
-range = "axis"
+range = "around-axis"
 """
 
 

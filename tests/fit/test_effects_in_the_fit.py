@@ -194,7 +194,7 @@ source = "test"
 unit = "1/K"
 [effect.inner.q_fixed]
 unit = "mm"
-range = "axis"
+range = "around-axis"
 """
 
 

@@ -31,7 +31,7 @@ def observed(at_degc: float, fixed_mm: float) -> Observations:
 
 
 @pytest.mark.parametrize("at_degc", [20.0, 100.0, -80.0])
-@pytest.mark.parametrize("fixed_mm", [400.0, 300.0])
+@pytest.mark.parametrize("fixed_mm", [460.0, 400.0, 300.0])
 def test_growth_is_found_from_where_the_axis_is_held(at_degc: float, fixed_mm: float) -> None:
     """Far from 20 °C most of it is the axis' scale: an expansion of the other sign from the other end is as good."""
     observations = observed(at_degc, fixed_mm)

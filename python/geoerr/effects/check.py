@@ -7,7 +7,7 @@ from pathlib import Path
 
 from geoerr.effects.covariates import is_temperature_entry, temperature_entry
 from geoerr.effects.definitions import AXIS_NAMES, PAIR_NAMES, RESERVED_NAMES, pair_of
-from geoerr.effects.description import PAIRS, FormSpec, PartSpec
+from geoerr.effects.description import OF_THE_AXIS, PAIRS, FormSpec, PartSpec
 from geoerr.effects.effect import Effect
 from geoerr.effects.formula import check_formula, marked
 from geoerr.effects.places import line_of
@@ -204,9 +204,9 @@ class _Check:
         return ""
 
     def ranges(self) -> None:
-        """Check that a range `axis` has an axis to be the range of."""
+        """Check that the range of the axis has an axis to be the range of."""
         for spec in self.effect.inner:
-            if spec.range == "axis" and not self.effect.axes:
+            if spec.range in OF_THE_AXIS and not self.effect.axes:
                 remedy = "write x, y or z, or [low, high]"
                 raise self.refuse(
                     f"inner.{spec.name}", "the range of the axis is asked for, and there is none", remedy

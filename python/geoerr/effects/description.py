@@ -22,6 +22,9 @@ RIG_DIRECTIONS = (
 JOINT_DIRECTIONS = ("X", "Y", "Z", "A", "B", "C", "each", *(f"angle-of-{axis}" for axis in AXES))
 DETECTORS = ("pass-disagrees", "noise-follows")
 ALL_AXES = REFERENCE_AXES
+#: Ranges that are those of the axis which an effect is of, as they are and with what may lie beyond.
+AROUND_AXIS = "around-axis"
+OF_THE_AXIS = ("axis", AROUND_AXIS)
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,8 @@ class ParameterSpec:
     any_size
         Why there are none of either; empty where there are, or where the entry does not say.
     range
-        Of an inner parameter: two numbers, `axis`, `x`, `y`, `z` (that axis's range) or `time` (the data's span);
+        Of an inner parameter: two numbers, `axis`, `x`, `y`, `z` (that axis's range), `around-axis` (that and half as
+        much beyond both ends: where what drives it may be held) or `time` (the data's span);
         None for a linear coefficient.
     spacing
         Of trial values over the range.

@@ -14,7 +14,7 @@ from geoerr.effects.covariates import (
     temperature_problem,
 )
 from geoerr.effects.definitions import pair_of, renamed, temperature_text, used_definitions
-from geoerr.effects.description import Description, FormSpec, ParameterSpec, PartSpec
+from geoerr.effects.description import AROUND_AXIS, OF_THE_AXIS, Description, FormSpec, ParameterSpec, PartSpec
 from geoerr.errors import InputFileError
 from geoerr.machine import AXES, Machine
 from geoerr.terms import SESSION_NAME, BasisSpec, EffectReference, Parameter, Part, Term, names_in, session_numbers
@@ -25,6 +25,8 @@ DEFAULT_TIME_RANGE_S = (0.0, 86_400.0)
 LAG_RANGE_S = (10.0, 10_800.0)
 # Without data to choose by: a smooth function of an axis has this many spans of a cubic spline.
 DEFAULT_SPANS = 5
+# Bearings stand beyond the travel, by less than so much of it.
+_BEYOND = 0.5
 _CUBIC = 3
 
 
@@ -390,8 +392,11 @@ def _parameter(
     if spec.range == "time":
         low, high = time_range_s
     elif isinstance(spec.range, str):
-        axis = pair_of(candidate)[0] if spec.range == "axis" else spec.range
+        axis = pair_of(candidate)[0] if spec.range in OF_THE_AXIS else spec.range
         low, high = machine.axes[axis or ""].range_mm
+        if spec.range == AROUND_AXIS:
+            beyond = _BEYOND * (high - low)
+            low, high = low - beyond, high + beyond
     elif spec.range is not None:
         low, high = spec.range
     return Parameter(

@@ -12,6 +12,7 @@ from geoerr.effects.description import (
     ALL_AXES,
     DETECTORS,
     JOINT_DIRECTIONS,
+    OF_THE_AXIS,
     PART_AXES,
     PART_CHANNELS,
     RIG_DIRECTIONS,
@@ -54,7 +55,7 @@ _OTHER_UNITS = {
 # What an entry says for itself that has the formula of another one.
 _AGAIN_KEYS = ("id", "title", "again", "source", "looks_like", "cause", "remedy", "mistaken_for")
 PARAMETER_KEYS = ("what", "unit", "plausible", "range", "spacing", "sign")
-_RANGES = ("axis", *AXES, "time")
+_RANGES = (*OF_THE_AXIS, *AXES, "time")
 _SIGNS = {"any": 0, "positive": 1, "negative": -1}
 
 
