@@ -136,7 +136,11 @@ def _parameter(spec: ParameterSpec) -> str:
         low, high = spec.range
         text += f" = {low:g}, not searched" if low == high else f", {low:g} to {high:g}"
     elif spec.range is not None:
-        words = {"axis": "over the axis's range", "around-axis": "over the axis's range and half as much beyond it", "time": "over the time of the data"}
+        words = {
+            "axis": "over the axis's range",
+            "around-axis": "over the axis's range and half as much beyond it",
+            "time": "over the time of the data",
+        }
         text += f", {words.get(spec.range, f'over the range of {spec.range}')}"
     if spec.sign:
         text += f", {'positive' if spec.sign > 0 else 'negative'}"

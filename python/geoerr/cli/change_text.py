@@ -15,6 +15,7 @@ from geoerr.diagnose.document import comparison_document
 from geoerr.diagnose.error_scale import ErrorScale
 from geoerr.diagnose.stages import Stage, stages_of
 from geoerr.files import null_for_nan
+from geoerr.fit.elsewhere import beyond_the_lines_um, beyond_the_lines_words
 from geoerr.fit.result import CALIBRATION_UNKNOWNS
 from geoerr.measurements import Measurements
 from geoerr.model import HistoryEntry, Model, write_model
@@ -28,7 +29,8 @@ def change_text(change: Change) -> list[str]:
     """Give the lines for the terminal."""
     after = change.after
     lines = [*figure_rows({"before": comparison_document(change.before), "after": comparison_document(after)}), ""]
-    for sentence in quality_in_words(after):
+    missed_um = beyond_the_lines_um(change.before, after)
+    for sentence in (*quality_in_words(after), *([] if missed_um is None else [beyond_the_lines_words(missed_um)])):
         lines += wrapped(sentence)
     lines += effect_rows(after)
     record = change.result.model.record

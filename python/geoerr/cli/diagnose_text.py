@@ -164,6 +164,8 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
     held = unknown.held_out
     if held is not None and held.before_um is not None and held.after_um is not None:
         yield from wrapped(f"as a {unknown.form}: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+    if unknown.beyond_the_lines_words is not None:
+        yield from wrapped(unknown.beyond_the_lines_words, "    ")
     if unknown.is_the_models_own:
         yield from wrapped("one position alone: the model's error functions are too stiff here", "    ")
     if unknown.curve is not None:

@@ -22,6 +22,7 @@ from geoerr.error_functions import (
 )
 from geoerr.fit import Fitted
 from geoerr.fit.begun_warm import begun_warm
+from geoerr.fit.elsewhere import between_the_places
 from geoerr.fit.from_nothing import SIGNIFICANCE, chance_of_nothing
 from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
@@ -161,7 +162,7 @@ def quality_in_words(fitted: Fitted) -> list[str]:
         )
     if not fitted.solved.converged:
         sentences.append(NOT_SETTLED)
-    return [*sentences, *begun_warm(fitted, fitted.terms)]
+    return [*sentences, *between_the_places(fitted), *begun_warm(fitted, fitted.terms)]
 
 
 def prediction_in_words(unseen_um: tuple[float | None, float | None], before: str) -> list[str]:

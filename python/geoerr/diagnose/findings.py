@@ -21,6 +21,7 @@ from geoerr.diagnose.words import (
 )
 from geoerr.effects import Effect
 from geoerr.effects.plausible import plausible_what
+from geoerr.fit.elsewhere import beyond_the_lines_words
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
 from geoerr.summaries import capitalised, listed, uncapitalised
@@ -339,6 +340,8 @@ class Unknown(Nameless):
         places that are off by something else each.
     held_out
         Error without the curve and with it.
+    beyond_the_lines_um
+        The same with whole lines left out: where nothing was measured; None where lines were run once each.
     """
 
     where: Where
@@ -346,11 +349,19 @@ class Unknown(Nameless):
     reference: str
     curve: Curve | None
     held_out: HeldOut | None
+    beyond_the_lines_um: tuple[float, float] | None = None
 
     @property
     def shape(self) -> str | None:
         """What the curve looks like, in words."""
         return None if self.curve is None else shape_words(self.curve)
+
+    @property
+    def beyond_the_lines_words(self) -> str | None:
+        """What the curve does where no line was measured; None where that is not known."""
+        if self.beyond_the_lines_um is None:
+            return None
+        return f"as a {self.form}, {beyond_the_lines_words(self.beyond_the_lines_um)}"
 
     @property
     def form(self) -> Literal["curve", "wave"]:
@@ -372,7 +383,7 @@ class Unknown(Nameless):
     def words(self) -> str:
         """Say what it is, where it is largest, what it looks like and how sure."""
         texts = [self.sentence, self.where.words(), None if self.shape is None else f"shape: it {self.shape}"]
-        texts.append(sure_words(self.p_value))
+        texts += [sure_words(self.p_value), self.beyond_the_lines_words]
         return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
@@ -383,6 +394,9 @@ class Unknown(Nameless):
             "shape": self.shape,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "held_out_rmse_after_um": None if self.held_out is None else self.held_out.after_um,
+            "held_out_by_line_um": None
+            if self.beyond_the_lines_um is None
+            else dict(zip(("before", "after"), self.beyond_the_lines_um, strict=True)),
             "where": self.where.to_document(),
             "curve": None if self.curve is None else self.curve.to_document(),
         }

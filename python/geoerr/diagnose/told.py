@@ -30,6 +30,7 @@ from geoerr.diagnose.where import Where, displacement_um, variables_of_term, whe
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
+from geoerr.fit.elsewhere import beyond_the_lines_um
 from geoerr.fit.empirical import curve_of
 from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import Numbers
@@ -316,12 +317,14 @@ class _Summary:
         probe = judged.what
         reference = curve_reference(probe, channel_of(judged))
         earlier = [one.settled.term for one in self.searched.found]
-        curve, held_out = None, None
+        curve, held_out, beyond_um = None, None, None
         before = with_terms(self.fitted, earlier)
         term = curve_term(before, probe, channel_of(judged))
         if term is not None:
             after = fit_again(before, [*before.terms, term])
-            curve, held_out = curve_of(after, term.id), _on_common_rows(before, after)
+            before = _on_rows_of(after, before)
+            curve, held_out = curve_of(after, term.id), HeldOut(held_out_um(before), held_out_um(after))
+            beyond_um = beyond_the_lines_um(before, after)
         columns = self.fitted.sightings.covariate_columns
         moved_um = displacement_um(settled.space, settled.moved)
         return Unknown(
@@ -334,6 +337,7 @@ class _Summary:
             reference,
             curve,
             held_out,
+            beyond_um,
         )
 
 
@@ -341,11 +345,9 @@ def _advised(finding: Finding, separation: Separation | None) -> Finding:
     return finding if separation is None else replace(finding, separate_by=separation)
 
 
-def _on_common_rows(before: Fitted, after: Fitted) -> HeldOut:
-    """Compare two fits; rows that lack what the second needs take no part in either figure."""
-    if len(after.sightings) < len(before.sightings):
-        before = fit_again(after, before.terms)
-    return HeldOut(held_out_um(before), held_out_um(after))
+def _on_rows_of(after: Fitted, before: Fitted) -> Fitted:
+    """Give the fit before another one without the rows that lack what that needs: both are compared."""
+    return fit_again(after, before.terms) if len(after.sightings) < len(before.sightings) else before
 
 
 def _listed(first: Found) -> list[Rival]:

@@ -39,6 +39,8 @@ class HeldOut:
         Rows whose fold the rest does not determine.
     prediction_variance_mm2
         Mean trace of the covariance of the prediction, over the computable rows.
+    variance_of_fold_mm2 : (n_folds,)
+        The same over the rows of each fold, in the order of their numbers; NaN where not computable.
     sums
         What folds sum up to, for a fit to the same rows; None where that is not kept.
     """
@@ -48,6 +50,7 @@ class HeldOut:
     n_folds: int
     n_not_computable: int
     prediction_variance_mm2: float
+    variance_of_fold_mm2: Numbers
     sums: _core.FitSums | None = None
 
 
@@ -135,6 +138,7 @@ def leave_out(
         folds,
         int((used & ~computable).sum()),
         float(np.nansum(spread_mm2)) / max(int((computable & is_told(sightings).any(axis=1)).sum()), 1),
+        np.asarray(spread_mm2) / np.maximum(np.diff([*starts, len(order)]), 1),
         sums,
     )
 

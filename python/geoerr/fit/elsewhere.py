@@ -1,0 +1,167 @@
+"""How far a fit is off where nothing was measured: whole lines left out by turns, and whole places of an axis.
+
+A pass that is left out is predicted from others at the same places: what a model does between these no such figure
+shows, and no uncertainty of its numbers holds it. A line that is left out with all its passes, or a place of an axis
+with all rows at it, is predicted from what was measured around it. That is further away than what lies between, so
+that it is rather too large. What the others hardly tell (the only line along an axis, the outermost places) shows
+nothing but that, and is left aside.
+
+Verified in tests/fit/test_elsewhere.py against errors that were put in, at places that were not measured.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from geoerr.fit.classic import positions_by_axis
+from geoerr.fit.figures import figures_of
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
+from geoerr.machine import AXES
+from geoerr.summaries import listed
+
+# Fewer lines or places stand for nothing between them; so many lines are left out by turns, as passes are; axes with
+# more places are dense enough.
+_FEWEST, _MOST_FOLDS, _MOST_PLACES = 5, 20, 100
+# Passes that come to a place in the mean, and passes of a line: with fewer the passes that are left out show it.
+_OFTEN = 1.5
+# What is missed at other places stands out from what is missed at the same ones by this factor.
+_STANDS_OUT = 1.25
+_UM_PER_MM = 1e3
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """Residuals of lines or places that the fit did not see.
+
+    Attributes
+    ----------
+    fitted
+        The fit.
+    residual_mm : (n, 3)
+        In base axes; NaN where not computable.
+    is_told : (n,)
+        Rows that the others tell to within what a row scatters.
+    """
+
+    fitted: Fitted
+    residual_mm: Numbers
+    is_told: np.ndarray
+
+    def um(self, rows: np.ndarray | None = None) -> float | None:
+        """Give the error over the rows that the others tell, or over others (n,); None where there is none."""
+        return _headline_um(self.fitted, self.residual_mm, self.is_told if rows is None else rows)
+
+    @property
+    def same_places_um(self) -> float | None:
+        """The error over the same rows with passes left out, which leave others at the same places."""
+        return _headline_um(self.fitted, self.fitted.held_out.residual_mm, self.is_told)
+
+    @property
+    def stands_out(self) -> bool:
+        """Whether what is missed here is clearly more than what is missed at places that were seen."""
+        missed_um, same_um = self.um(), self.same_places_um
+        return missed_um is not None and same_um is not None and missed_um > _STANDS_OUT * same_um
+
+
+def lines_left_out(fitted: Fitted) -> LeftOut | None:
+    """Leave every line out with all its passes; None where lines are few, or were run once each."""
+    sightings = fitted.sightings
+    line = _lines_of(sightings)
+    n_lines = int(line.max(initial=-1)) + 1
+    if n_lines < _FEWEST or sightings.n_passes < _OFTEN * n_lines or "circle" in sightings.frames:
+        return None
+    return _left_out(fitted, line % _MOST_FOLDS, np.ones(len(line), dtype=bool))
+
+
+def places_left_out(fitted: Fitted, axis: str) -> LeftOut | None:
+    """Leave every place of an axis out with all rows at it; None where places are few, dense, or seen once each."""
+    sightings = fitted.sightings
+    along_mm = sightings.commanded_mm[:, AXES.index(axis)]
+    places_mm = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)[axis]
+    if not _FEWEST <= len(places_mm) <= _MOST_PLACES or "circle" in sightings.frames:
+        return None
+    place = np.abs(along_mm[:, None] - places_mm).argmin(axis=1)
+    visits = len(np.unique(np.stack([place, sightings.pass_number]), axis=1).T)
+    if visits < _OFTEN * len(places_mm):
+        return None
+    return _left_out(fitted, place, (place > 0) & (place < len(places_mm) - 1))
+
+
+def beyond_the_lines_um(before: Fitted, after: Fitted) -> tuple[float, float] | None:
+    """Give the errors of two fits to the same rows with whole lines left out, where others tell the first."""
+    first, second = lines_left_out(before), lines_left_out(after)
+    if first is None or second is None:
+        return None
+    rows = first.is_told & np.isfinite(second.residual_mm).all(axis=1)
+    missed_um = first.um(rows), second.um(rows)
+    return None if missed_um[0] is None or missed_um[1] is None else (missed_um[0], missed_um[1])
+
+
+def beyond_the_lines_words(missed_um: tuple[float, float]) -> str:
+    """Say what `beyond_the_lines_um` gives, and what to do where what was added does harm there."""
+    before_um, after_um = missed_um
+    text = f"with whole lines left out {before_um:.1f} → {after_um:.1f} µm"
+    if after_um <= before_um:
+        return text
+    return f"{text}: where no line was measured it does harm; measure more lines before a program is corrected by it"
+
+
+def between_the_places(fitted: Fitted) -> Iterator[str]:
+    """Say by how much places of axes are missed that are left out, where that is far, and what to do."""
+    each = {axis: left_out for axis in AXES if (left_out := places_left_out(fitted, axis)) is not None}
+    missed = [
+        f"{left_out.um():.1f} µm for {left_out.same_places_um:.1f} along {axis}"
+        for axis, left_out in each.items()
+        if left_out.stands_out
+    ]
+    if missed:
+        yield (
+            "with all rows at a place left out the model misses it by more than with passes left out, "
+            f"{listed(missed)}: so far it may be off between its places, which is in none of its uncertainties; "
+            "measure at places in between"
+        )
+
+
+def _left_out(fitted: Fitted, fold: np.ndarray, counts: np.ndarray) -> LeftOut | None:
+    if fitted.split.noise_um is None or fitted.held_out.figures is None:
+        return None
+    used = fitted.solved.used
+    held = fitted.leave_out(fold)
+    std_um = _UM_PER_MM * fitted.scale * np.sqrt(held.variance_of_fold_mm2)
+    folds, of_row = np.unique(fold[used], return_inverse=True)
+    is_told = np.zeros(len(fold), dtype=bool)
+    is_told[used] = (std_um < fitted.split.noise_um)[of_row]
+    is_told &= counts & np.isfinite(held.residual_mm).all(axis=1)
+    is_told &= np.isfinite(fitted.held_out.residual_mm).all(axis=1)
+    return LeftOut(fitted, held.residual_mm, is_told) if len(folds) >= _FEWEST and is_told.any() else None
+
+
+def _headline_um(fitted: Fitted, residual_mm: Numbers, rows: np.ndarray) -> float | None:
+    if not rows.any():
+        return None
+    um = figures_of(fitted.sightings, np.nan_to_num(residual_mm), rows).headline_um
+    return um if um is not None and math.isfinite(um) else None
+
+
+def _lines_of(sightings: Sightings) -> np.ndarray:
+    """Give rows (n,) the number of their line: passes of one name, or at the same places, there and back."""
+    names = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
+    number_of: dict[object, int] = {}
+    line = np.zeros(len(sightings), dtype=np.int64)
+    order = np.argsort(sightings.pass_number, kind="stable")
+    starts = np.flatnonzero(np.diff(sightings.pass_number[order], prepend=-1))
+    for rows in np.split(order, starts[1:]):
+        name = names[rows[0]]
+        places = np.unique(np.rint(sightings.commanded_mm[rows] / SAME_POSITION_MM), axis=0).tobytes()
+        known = number_of.get(name) if name else None
+        number = number_of.setdefault(places, len(number_of)) if known is None else known
+        number_of.setdefault(places, number)
+        if name:
+            number_of.setdefault(name, number)
+        line[rows] = number
+    return np.asarray(np.unique(line, return_inverse=True)[1])
