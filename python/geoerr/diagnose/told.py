@@ -174,11 +174,13 @@ class _Summary:
     def _rivals(self, first: Found) -> list[Finding]:
         rivals = _listed(first)
         # One that was found itself is worth what it is beside the first, not beside itself; and so is what a later
-        # find stands for.
+        # find stands for, where it is not told with others.
         beside = {reference_of(one.judged): one.at_last for one in self.searched.found}
         beside |= {name: settled for later in self.searched.found[1:] for name, settled in self._stood_for(later)}
         return [
-            self._rival(first, rival, beside.get(reference_of(rival.judged), settled), [])
+            self._rival(
+                first, rival, settled if rival.together else beside.get(reference_of(rival.judged), settled), []
+            )
             for rival, settled in zip(rivals, self.searched.rivals_at_last(first, rivals), strict=True)
         ]
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.scan import seen
 from geoerr.diagnose.search.beside_each import BesideEach, vuong
 from geoerr.diagnose.search.best_form import in_form_of
-from geoerr.diagnose.search.judged import Judged, freedom_of, price_of
+from geoerr.diagnose.search.judged import Judged, freedom_of, price_of, reference_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, explained_share, settle
 from geoerr.diagnose.search.together import Together, together
@@ -50,6 +51,17 @@ class Rival:
     contains: bool
     behind: float
     together: tuple[str, ...] = ()
+
+    def is_of_company_of(self, other: Rival) -> bool:
+        """Tell whether the other one does what the best does only together with this one, and others maybe."""
+        own, theirs = (reference_of(one.judged) for one in (self, other))
+        return own.axis in other.together and replace(own, axis=theirs.axis) == theirs
+
+    def is_twin_of(self, found: Found) -> bool:
+        """Tell whether its effect, on some axis, is one with what was found by construction."""
+        own, theirs = self.judged.what, reference_of(found.judged)
+        twins = [twin.effect for twin in own.effect.twins] if isinstance(own, Candidate) else []
+        return theirs.effect in twins and theirs.covariate == reference_of(self.judged).covariate
 
 
 def rivals_of(looked: Round, known: Catalogue, first: Judged, best: Settled, beside_each: BesideEach) -> list[Rival]:

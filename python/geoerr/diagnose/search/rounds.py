@@ -120,10 +120,25 @@ class Searched:
         return not self.found and self.unknown is None
 
     def rivals_at_last(self, found: Found, rivals: Sequence[Rival]) -> list[Settled]:
-        """Give rivals in the place of what was found: beside the others, in the noise that all of it leaves."""
+        """Give rivals in the place of what was found: beside the others, in the noise that all of it leaves.
+
+        One that does so only with others is estimated beside these: growth of x alone takes what that of y does.
+        What of the rest says the same of them by construction stands back: beside a drift no fixed point is told.
+        """
         space = found.at_last.space
         scanner = self.bench.scanner(space, n_draws=0)
-        return [beside_others(space, scanner, rival.judged, rival.settled) for rival in rivals]
+        settled = []
+        for rival in rivals:
+            company = [one.judged for one in found.rivals if one is not rival and one.is_of_company_of(rival)]
+            if company:
+                named = [one.settled.raw for one in self.found if one is not found and not rival.is_twin_of(one)]
+                # As they were scanned, and as that is settled: alone, each may be far from where it is with others.
+                beside = [*self.beside, *named, *(scanner.raw_columns(one.shapes, one.trial) for one in company)]
+                own = self.bench.space_to_estimate_in(space.noise, beside)
+                settled.append(settle(own, self.bench.scanner(own, n_draws=0), rival.judged))
+            else:
+                settled.append(beside_others(space, scanner, rival.judged, rival.settled))
+        return settled
 
     def let_go(self) -> None:
         """Let go of what is kept to judge more: of many rows it is gigabytes, and is made anew if need be."""
