@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -12,7 +14,8 @@ import pytest
 from small_farm import RECIPE, contents
 
 import geoerr
-from geoerr.compensate.program import CompensationOptions, name_of_model
+from geoerr.compensate.mark import name_of_model
+from geoerr.compensate.program import CompensationOptions
 from geoerr.farm import Recipe, Step
 from geoerr.files import read_json
 
@@ -178,6 +181,34 @@ def test_a_run_that_is_stopped_leaves_no_program_of_an_earlier_one(farm: Path, r
     written = contents(farm.parent / "out")
     assert written["mill-0/model.json"] != right_bytes["mill-0/model.json"]
     assert {name for name in written if name.endswith((".gcode", ".nc"))} == {"mill-0/programs/other.gcode"}
+
+
+@pytest.mark.parametrize("is_given", [False, True])
+def test_a_run_that_is_stopped_leaves_programs_by_the_same_model(
+    farm: Path, right_bytes: dict[str, bytes], is_given: bool
+) -> None:
+    """They were removed before there was anything in their place."""
+    put(right_bytes, farm.parent / "out")
+    if is_given:
+        put({name: content for name, content in right_bytes.items() if name.endswith("/model.json")}, farm)
+    with pytest.raises(KeyboardInterrupt):
+        geoerr.run_farm(farm, farm.parent / "out", RECIPE, executor=Stopped())
+    assert contents(farm.parent / "out") == right_bytes
+
+
+def test_a_result_that_is_there_already_needs_no_room(
+    farm: Path, right_bytes: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a full disk a second run removed the programs of the first, which were the same."""
+    put(right_bytes, farm.parent / "out")
+
+    def full(path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("geoerr.farm.run.whole_or_absent", full)
+    done, written = results(farm)
+    assert not done.failures
+    assert written == right_bytes
 
 
 def test_steps_that_were_not_asked_for_leave_earlier_results(farm: Path, right_bytes: dict[str, bytes]) -> None:

@@ -81,7 +81,8 @@ def compensate(
     """Rewrite the program IN so that the machine of MODEL follows the path that IN means."""
     if as_json and str(output) == "-":
         raise typer.BadParameter("--json has standard output for itself", param_hint="-o -")
-    from geoerr.compensate.program import CompensationOptions, compensate_program, name_of_model
+    from geoerr.compensate.mark import name_of_model
+    from geoerr.compensate.program import CompensationOptions, compensate_program
     from geoerr.model import load_model
     from geoerr.report.provenance import provenance_of_command
 
