@@ -237,6 +237,26 @@ def test_what_is_meant_wrongly_is_refused_before_anything_is_done(farm: Path) ->
     assert not (farm.parent / "out").exists()
 
 
+@pytest.mark.parametrize("machines", ["", "mill-1"])
+@pytest.mark.parametrize("output", ["mill-1", "mill-1/programs", "mill-1/programs/out", "mill-1/out", "link/out"])
+def test_results_inside_a_machine_are_refused_before_anything_is_done(farm: Path, machines: str, output: str) -> None:
+    """The next run would take them for programs."""
+    if output.startswith("link"):
+        (farm.parent / "link").symlink_to(farm / "mill-1/programs", target_is_directory=True)
+    before = contents(farm)
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm(farm / machines, farm.parent / output if output.startswith("link") else farm / output)
+    assert contents(farm) == before
+
+
+def test_machines_inside_results_are_refused(farm: Path) -> None:
+    inner = farm.parent / "out/mill-0/mill-1"
+    inner.parent.mkdir(parents=True)
+    (farm / "mill-1").rename(inner)
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm([farm / "mill-0", inner], farm.parent / "out")
+
+
 def test_results_that_stand_among_the_machines_are_no_machine(farm: Path) -> None:
     recipe = replace(RECIPE, steps=("fit",))
     with ThreadPoolExecutor(1) as one:

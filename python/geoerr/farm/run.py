@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -111,10 +111,12 @@ class _Run:
                     path, f"has the name of {names[name]}", remedy="results go by the folder's name: rename one"
                 )
             names[name] = path
-            if (self.output / name).resolve() == path.resolve():
-                raise InputFileError(
-                    self.output, "results would stand among the inputs", remedy="name another folder for the results"
-                )
+        machines = {path.resolve() for path in paths}
+        results = {(self.output / name).resolve() for name in names}
+        for one in results:
+            _refuse_within(self.output, one, machines)
+        for one in machines:
+            _refuse_within(self.output, one, results)
 
     def _read(self, path: Path) -> FarmFolder | None:
         name = name_of(path)
@@ -272,6 +274,14 @@ class _Run:
             with whole_or_absent(path) as temporary:
                 temporary.write_bytes(content)
         return f"{machine}/{name}"
+
+
+def _refuse_within(output: Path, folder: Path, others: Collection[Path]) -> None:
+    """Refuse a folder that is one of others or stands in one: the next run would take results for inputs."""
+    if not {folder, *folder.parents}.isdisjoint(others):
+        raise InputFileError(
+            output, "results would stand among the inputs", remedy="name another folder for the results"
+        )
 
 
 def _holds(path: Path, content: bytes) -> bool:
