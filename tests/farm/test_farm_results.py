@@ -129,6 +129,42 @@ def test_programs_in_folders_of_programs_are_corrected(farm: Path, right_bytes: 
     assert not any(".trash" in name or "back" in name for name in written)
 
 
+def test_programs_behind_a_link_to_a_folder_are_corrected(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    """They were passed over without a word; results in that folder would be read as programs."""
+    shared = farm.parent / "shared"
+    put({"part.gcode": (farm / "mill-0/programs/corner.gcode").read_bytes()}, shared)
+    (shared / "again").symlink_to(shared, target_is_directory=True)
+    (farm / "mill-0/programs/shared").symlink_to(shared, target_is_directory=True)
+    done, written = results(farm / "mill-0")
+    assert not done.failures
+    names = ["programs/corner.gcode", "programs/shared/part.gcode"]
+    assert [one.program for one in done.outcomes if one.step == "compensate"] == names
+    assert written["mill-0/programs/shared/part.gcode"] == right_bytes["mill-0/programs/corner.gcode"]
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm(farm / "mill-0", shared / "out")
+
+
+def test_a_link_that_leads_nowhere_is_a_failure_by_its_name(farm: Path) -> None:
+    """It was passed over: "1 of 1 programs corrected"."""
+    for link in ("mill-0/programs/gone.txt", "mill-0/gone.nc", "mill-1/second.csv", "mill-2/model.json", "mill-9"):
+        (farm / link).symlink_to("nowhere")
+    done, _ = results(farm)
+    failed = {(one.machine, one.step, one.program): str(one.error) for one in done.failures}
+    assert set(failed) == {
+        ("mill-0", "compensate", "gone.nc"),
+        ("mill-0", "compensate", "programs/gone.txt"),
+        ("mill-1", "fit", None),
+        ("mill-1", "compensate", "programs/corner.gcode"),
+        ("mill-2", "diagnose", None),
+        ("mill-2", "compensate", "programs/corner.gcode"),
+        ("mill-9", "read", None),
+    }
+    gone = farm / "mill-0/programs/gone.txt"
+    assert failed["mill-0", "compensate", "programs/gone.txt"] == (
+        f"{gone}: is a link to nowhere, which is not there\nhint: bring it there, or remove the link"
+    )
+
+
 def test_a_file_where_results_would_stand_is_told(farm: Path) -> None:
     (farm.parent / "out").mkdir()
     (farm.parent / "out/mill-1").write_text("notes")

@@ -113,10 +113,20 @@ class _Run:
             names[name] = path
         machines = {path.resolve() for path in paths}
         results = {(self.output / name).resolve() for name in names}
+        read_from = machines | {folder.resolve() for path in paths for folder in self._program_folders(path)}
         for one in results:
-            _refuse_within(self.output, one, machines)
+            _refuse_within(self.output, one, read_from)
         for one in machines:
             _refuse_within(self.output, one, results)
+
+    def _program_folders(self, path: Path) -> set[Path]:
+        """Give the folders that a machine's programs are read from: a link may lead to one anywhere."""
+        # A machine's folder that cannot be used has its outcome later.
+        with suppress(GeoerrError, OSError):
+            return (
+                {(path / name).parent for name in programs_in(path)} if "compensate" in self.recipe.steps else set()
+            )
+        return set()
 
     def _read(self, path: Path) -> FarmFolder | None:
         name = name_of(path)
