@@ -19,7 +19,7 @@ from geoerr.arguments import check_choice, check_threads
 from geoerr.compensate.benefit import Benefit, benefit_of, uncertain_tables
 from geoerr.compensate.motion_notes import motion_notes
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
-from geoerr.files import refusing_unreadable, whole_or_absent
+from geoerr.files import MAKE_ROOM_FOR_COPIES, refusing_full, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.arrays import Triple, triple_mm
@@ -292,7 +292,8 @@ def compensate_program(
         if str(target) == "-":
             # A refused program must not leave half an output in a pipe.
             whole = stack.enter_context(tempfile.TemporaryFile())
-            _rewrite(job, source, chunks, whole, threads)
+            with refusing_full(tempfile.gettempdir(), MAKE_ROOM_FOR_COPIES):
+                _rewrite(job, source, chunks, whole, threads)
             whole.seek(0)
             shutil.copyfileobj(whole, sys.stdout.buffer)
             sys.stdout.buffer.flush()

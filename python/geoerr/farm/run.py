@@ -121,11 +121,10 @@ class _Run:
 
     def _program_folders(self, path: Path) -> set[Path]:
         """Give the folders that a machine's programs are read from: a link may lead to one anywhere."""
-        # A machine's folder that cannot be used has its outcome later.
-        with suppress(GeoerrError, OSError):
-            return (
-                {(path / name).parent for name in programs_in(path)} if "compensate" in self.recipe.steps else set()
-            )
+        if "compensate" in self.recipe.steps:
+            # A machine's folder that cannot be used has its outcome later.
+            with suppress(GeoerrError, OSError):
+                return {(path / name).parent for name in programs_in(path)}
         return set()
 
     def _read(self, path: Path) -> FarmFolder | None:
@@ -328,6 +327,5 @@ def _without_model(folder: FarmFolder, program: str) -> Outcome:
 
 def _lost(job: Job, error: BaseException) -> str:
     """Say why a job has no results."""
-    about = job.folder if job.program is None else f"{job.folder}/{job.program}"
     why = "its process died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
-    return f"{about}: no result came back: {why}\nhint: give it more memory, or fewer workers to share it"
+    return f"{job.about}: no result came back: {why}\nhint: give it more memory, or fewer workers to share it"
