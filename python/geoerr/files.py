@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import json
 import math
@@ -12,9 +13,15 @@ import tempfile
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from geoerr.errors import InputFileError, ShapeError
+
+# What only writing meets, and of which the system does not say with which file: a full disk, a limit of a file's
+# size, a user's share of a disk.
+_NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+_MAKE_ROOM = "make room on its disk, or name an output on another"
+MAKE_ROOM_FOR_COPIES = "make room there, or set TMPDIR to a folder on another disk"
 
 
 @contextlib.contextmanager
@@ -29,27 +36,52 @@ def whole_or_absent(path: str | Path) -> Iterator[Path]:
     if target.exists() and not target.is_file():
         with tempfile.TemporaryDirectory() as folder:
             temporary = Path(folder) / target.name
-            yield temporary
-            with temporary.open("rb") as written, target.open("wb") as stream:
+            with refusing_full(folder, MAKE_ROOM_FOR_COPIES):
+                yield temporary
+            with refusing_full(path), temporary.open("rb") as written, target.open("wb") as stream:
                 shutil.copyfileobj(written, stream)
         return
     target = target.resolve()
     try:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     except OSError as error:
-        raise InputFileError(
-            path, f"cannot be written: {error.strerror}", remedy="name an output in a folder that can be written to"
-        ) from error
+        remedy = _MAKE_ROOM if is_full(error) else "name an output in a folder that can be written to"
+        raise InputFileError(path, f"cannot be written: {error.strerror}", remedy=remedy) from error
     os.close(handle)
     temporary = Path(name)
     try:
-        yield temporary
+        with refusing_full(path):
+            yield temporary
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def is_full(error: BaseException | None) -> TypeGuard[OSError]:
+    """Say whether there was no room for what was written."""
+    return isinstance(error, OSError) and error.errno in _NO_ROOM
+
+
+@contextlib.contextmanager
+def refusing_full(path: str | Path, remedy: str = _MAKE_ROOM) -> Iterator[None]:
+    """Turn what the system says of a full disk into a refusal that names what the block writes.
+
+    Parameters
+    ----------
+    path
+        What the block writes.
+    remedy
+        What to do.
+    """
+    try:
+        yield
+    except OSError as error:
+        if not is_full(error):
+            raise
+        raise InputFileError(path, f"cannot be written: {error.strerror}", remedy=remedy) from error
 
 
 def refuse_no_file(output: Path) -> None:

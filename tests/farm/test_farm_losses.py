@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from multiprocessing import active_children, get_context
 from pathlib import Path
@@ -141,6 +142,29 @@ def test_another_version_is_refused_by_the_worker() -> None:
     job = Job("mill", "farm/mill", ("fit",), RECIPE, {}, version="0.0.0")
     (result,) = work(job)
     assert "the call came from 0.0.0" in str(result.error)
+
+
+def test_a_worker_without_room_names_the_program(farm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It named the machine, and said `[Errno 28]`."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("geoerr.farm.steps.Bench.lay_out", full)
+    (result,) = work(Job("mill", "farm/mill", ("compensate",), RECIPE, {}, "part.nc"))
+    assert str(result.error).startswith("farm/mill/part.nc: no room to work in ")
+    assert str(result.error).endswith("set TMPDIR to a folder on another disk")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
+def test_results_without_room_are_named(farm: Path) -> None:
+    (farm.parent / "out/mill-0").mkdir(parents=True)
+    (farm.parent / "out/mill-0/model.json").symlink_to("/dev/full")
+    with ThreadPoolExecutor(1) as one:
+        done = geoerr.run_farm(farm / "mill-0", farm.parent / "out", RECIPE, executor=one)
+    told = str(done.failures[0].error)
+    assert told.startswith(f"{farm.parent / 'out/mill-0/model.json'}: cannot be written: ")
+    assert "\nhint: make room on its disk" in told
 
 
 def test_a_cluster_writes_the_same_bytes(farm: Path, right_bytes: dict[str, bytes]) -> None:

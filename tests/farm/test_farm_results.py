@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -12,7 +14,8 @@ import pytest
 from small_farm import RECIPE, contents
 
 import geoerr
-from geoerr.compensate.program import CompensationOptions, name_of_model
+from geoerr.compensate.mark import name_of_model
+from geoerr.compensate.program import CompensationOptions
 from geoerr.farm import Recipe, Step
 from geoerr.files import read_json
 
@@ -126,6 +129,42 @@ def test_programs_in_folders_of_programs_are_corrected(farm: Path, right_bytes: 
     assert not any(".trash" in name or "back" in name for name in written)
 
 
+def test_programs_behind_a_link_to_a_folder_are_corrected(farm: Path, right_bytes: dict[str, bytes]) -> None:
+    """They were passed over without a word; results in that folder would be read as programs."""
+    shared = farm.parent / "shared"
+    put({"part.gcode": (farm / "mill-0/programs/corner.gcode").read_bytes()}, shared)
+    (shared / "again").symlink_to(shared, target_is_directory=True)
+    (farm / "mill-0/programs/shared").symlink_to(shared, target_is_directory=True)
+    done, written = results(farm / "mill-0")
+    assert not done.failures
+    names = ["programs/corner.gcode", "programs/shared/part.gcode"]
+    assert [one.program for one in done.outcomes if one.step == "compensate"] == names
+    assert written["mill-0/programs/shared/part.gcode"] == right_bytes["mill-0/programs/corner.gcode"]
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm(farm / "mill-0", shared / "out")
+
+
+def test_a_link_that_leads_nowhere_is_a_failure_by_its_name(farm: Path) -> None:
+    """It was passed over: "1 of 1 programs corrected"."""
+    for link in ("mill-0/programs/gone.txt", "mill-0/gone.nc", "mill-1/second.csv", "mill-2/model.json", "mill-9"):
+        (farm / link).symlink_to("nowhere")
+    done, _ = results(farm)
+    failed = {(one.machine, one.step, one.program): str(one.error) for one in done.failures}
+    assert set(failed) == {
+        ("mill-0", "compensate", "gone.nc"),
+        ("mill-0", "compensate", "programs/gone.txt"),
+        ("mill-1", "fit", None),
+        ("mill-1", "compensate", "programs/corner.gcode"),
+        ("mill-2", "diagnose", None),
+        ("mill-2", "compensate", "programs/corner.gcode"),
+        ("mill-9", "read", None),
+    }
+    gone = farm / "mill-0/programs/gone.txt"
+    assert failed["mill-0", "compensate", "programs/gone.txt"] == (
+        f"{gone}: is a link to nowhere, which is not there\nhint: bring it there, or remove the link"
+    )
+
+
 def test_a_file_where_results_would_stand_is_told(farm: Path) -> None:
     (farm.parent / "out").mkdir()
     (farm.parent / "out/mill-1").write_text("notes")
@@ -180,6 +219,34 @@ def test_a_run_that_is_stopped_leaves_no_program_of_an_earlier_one(farm: Path, r
     assert {name for name in written if name.endswith((".gcode", ".nc"))} == {"mill-0/programs/other.gcode"}
 
 
+@pytest.mark.parametrize("is_given", [False, True])
+def test_a_run_that_is_stopped_leaves_programs_by_the_same_model(
+    farm: Path, right_bytes: dict[str, bytes], is_given: bool
+) -> None:
+    """They were removed before there was anything in their place."""
+    put(right_bytes, farm.parent / "out")
+    if is_given:
+        put({name: content for name, content in right_bytes.items() if name.endswith("/model.json")}, farm)
+    with pytest.raises(KeyboardInterrupt):
+        geoerr.run_farm(farm, farm.parent / "out", RECIPE, executor=Stopped())
+    assert contents(farm.parent / "out") == right_bytes
+
+
+def test_a_result_that_is_there_already_needs_no_room(
+    farm: Path, right_bytes: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a full disk a second run removed the programs of the first, which were the same."""
+    put(right_bytes, farm.parent / "out")
+
+    def full(path: Path) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("geoerr.farm.run.whole_or_absent", full)
+    done, written = results(farm)
+    assert not done.failures
+    assert written == right_bytes
+
+
 def test_steps_that_were_not_asked_for_leave_earlier_results(farm: Path, right_bytes: dict[str, bytes]) -> None:
     put({name: right_bytes[name] for name in right_bytes if name.startswith("mill-0/")}, farm / "out")
     (farm / "mill-0/observations.csv").write_text("line,x\n")
@@ -204,6 +271,26 @@ def test_what_is_meant_wrongly_is_refused_before_anything_is_done(farm: Path) ->
     with pytest.raises(geoerr.GeoerrError, match="no such folder"):
         geoerr.run_farm(farm / "nowhere", farm.parent / "out")
     assert not (farm.parent / "out").exists()
+
+
+@pytest.mark.parametrize("machines", ["", "mill-1"])
+@pytest.mark.parametrize("output", ["mill-1", "mill-1/programs", "mill-1/programs/out", "mill-1/out", "link/out"])
+def test_results_inside_a_machine_are_refused_before_anything_is_done(farm: Path, machines: str, output: str) -> None:
+    """The next run would take them for programs."""
+    if output.startswith("link"):
+        (farm.parent / "link").symlink_to(farm / "mill-1/programs", target_is_directory=True)
+    before = contents(farm)
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm(farm / machines, farm.parent / output if output.startswith("link") else farm / output)
+    assert contents(farm) == before
+
+
+def test_machines_inside_results_are_refused(farm: Path) -> None:
+    inner = farm.parent / "out/mill-0/mill-1"
+    inner.parent.mkdir(parents=True)
+    (farm / "mill-1").rename(inner)
+    with pytest.raises(geoerr.GeoerrError, match="among the inputs"):
+        geoerr.run_farm([farm / "mill-0", inner], farm.parent / "out")
 
 
 def test_results_that_stand_among_the_machines_are_no_machine(farm: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,32 @@ def test_programs_without_a_corrected_move_are_told_apart(farm: Path) -> None:
     ):
         assert told in warned
     assert lines[-1] == "4 machines, 0 of them with a failure"
+
+
+@pytest.mark.parametrize("has_cluster", [False, True])
+def test_programs_are_corrected_as_compensate_is_told_to(
+    farm: Path, right_bytes: dict[str, bytes], has_cluster: bool
+) -> None:
+    """It knew five of ten options."""
+    (farm / "mill-0/model.json").write_bytes(right_bytes["mill-0/model.json"])
+    # Beyond what was measured: it is refused where it is not held.
+    (farm / "mill-0/programs/corner.gcode").write_text("G21\nG90\nG0 X10 Y10 Z20\nG1 X199 Y10 F1200\nG1 Y150\n")
+    told = ("--outside-measured", "hold", "--digits", "3", "--firmware-corrects", "squareness", "--keep-uncertain")
+    told += ("--extrapolate", "--firmware", "marlin", "--tolerance", "0.01")
+    command = [sys.executable, "-m", "geoerr", "compensate", "model.json", "programs/corner.gcode", "-o", "out.gcode"]
+    done = subprocess.run([*command, *told], cwd=farm / "mill-0", capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    wanted = (farm / "mill-0/out.gcode").read_bytes()
+    (farm / "mill-0/out.gcode").unlink()
+    with ExitStack() as stack:
+        more: tuple[str, ...] = ("--threads", "1")
+        if has_cluster:
+            distributed = pytest.importorskip("distributed")
+            options = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": "127.0.0.1:0"}
+            more = ("--scheduler", stack.enter_context(distributed.LocalCluster(**options)).scheduler_address)
+        geoerr_farm(farm / "mill-0", *told, *more)
+    assert (farm / "out/mill-0/programs/corner.gcode").read_bytes() == wanted
+    assert b"tolerance 0.01 mm" in wanted
 
 
 def test_a_cluster_is_given_by_its_address(farm: Path, right_bytes: dict[str, bytes]) -> None:

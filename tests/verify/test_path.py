@@ -334,6 +334,48 @@ def test_what_was_not_compared_is_not_proved(tmp_path):
     assert run("verify", "path", errors, program, program).exit_code == 0
 
 
+UNTOUCHED = """G90
+G0 X10 Y10 Z10
+G1 X60 F300
+G2 X80 Y30 I20 J0
+G1 X90 Y30
+G81 X50 Y50 Z-5 R2
+X60
+G80
+G0 X10 Y10 Z10
+BSPLINE
+G1 X70
+G65 P9000 X1
+G0 X10 Y10 Z10
+M98 P100
+G1 X20
+"""
+
+
+def test_moves_that_stay_as_they_were_are_no_proof(tmp_path):
+    """One move of many was compared, and the check passed: it is what `compensate` counts as untouched."""
+    errors = tmp_path / "errors.json"
+    write_errors(errors, wavy().errors)
+    program, output = written(tmp_path, UNTOUCHED), tmp_path / "out.gcode"
+    done = compensate_program(wavy(), program, output, CompensationOptions(on_unsupported="pass"))
+    untouched = done.untouched_position_unknown + done.untouched_unsupported + done.lines_not_followed
+    result = compare_paths(wavy(), program, output)
+    assert result.max_error_um_after < 5.0
+    assert (result.moves_not_followed, result.not_followed_line) == (untouched, 4) == (7, 4)
+    failed = run("verify", "path", errors, program, output, "--tolerance", "0.005")
+    assert failed.exit_code == 1
+    told = "7 moves cannot be followed and stay as they were written (the first: line 4)"
+    assert told in failed.stdout
+    assert str(failed.exception).startswith(f"{told}\nhint: ")
+    assert str(failed.exception).endswith("--allow-untouched 7")
+    check = ("verify", "path", errors, program, output, "--tolerance", "0.005", "--allow-untouched")
+    assert run(*check, "6").exit_code == 1
+    assert run(*check, "7").exit_code == 0
+    # Of the first move, from a place that is not known, the end is corrected: nothing is left out.
+    whole = written(tmp_path, PROGRAM, "whole.gcode")
+    assert compare_paths(wavy(), whole, whole).moves_not_followed == 0
+
+
 def test_another_extrusion_is_no_proof(tmp_path):
     errors = tmp_path / "errors.json"
     write_errors(errors, model({}).errors)

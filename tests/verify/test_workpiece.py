@@ -194,6 +194,46 @@ def test_groups_of_one_file_only_have_no_ratio(tmp_path):
     assert len(result.notes) == 2
 
 
+MORE_LENGTHS = """feature,x1,y1,z1,x2,y2,z2,measured,group
+a,0,0,0,100,0,0,100.10,h
+b,0,0,0,0,100,0,100.05,h
+c,0,0,0,0,0,50,50.02,v
+"""
+
+
+@pytest.mark.parametrize(
+    ("after", "groups", "of_all"),
+    [
+        # One of three, in no group: the ratio of all was that of 1 error to 3.
+        ("feature,x1,y1,z1,x2,y2,z2,measured\na,0,0,0,100,0,0,100.01\n", {"h": None, "v": None}, 0.1),
+        # The other way round, in another group.
+        ("feature,x1,y1,z1,x2,y2,z2,measured,group\nb,0,100,0,0,0,0,100.01,v\n", {"h": None, "v": None}, 0.2),
+        ("feature,x1,y1,z1,x2,y2,z2,measured,group\nb,0,0,0,0,100,0,100.01,h\n", {"h": 0.2, "v": None}, 0.2),
+        ("feature,x1,y1,z1,x2,y2,z2,measured,group\nd,0,0,0,70,0,0,70.01,h\n", {"h": None, "v": None}, None),
+    ],
+)
+def test_a_ratio_is_that_of_what_both_files_measured(tmp_path, after, groups, of_all):
+    paths = write(tmp_path / "before.csv", MORE_LENGTHS), write(tmp_path / "after.csv", after)
+    result = compare_workpieces(*map(read_relative_errors, paths))
+    found = {group.name: group.ratio for group in result.groups}
+    assert {name: found[name] for name in groups} == pytest.approx(groups, nan_ok=True)
+    assert result.total.ratio == pytest.approx(of_all)
+    assert result.total.before.n == 3
+    said = "there is no ratio" if of_all is None else "what both files have, 1 error before and 1 after"
+    assert any(note.startswith("the whole has other nominal lengths") and said in note for note in result.notes)
+    assert run_command(*paths).stdout.split()[-1] == ("–" if of_all is None else f"{of_all:.3f}")
+
+
+def test_a_point_on_two_lines_is_one_of_each(tmp_path):
+    """A group that only one file has takes no part in the ratio of all, wherever its points are."""
+    before = read_relative_errors(write(tmp_path / "before.csv", PLANAR))
+    without = "\n".join(line for line in PLANAR.splitlines() if "vertical" not in line) + "\n"
+    after = read_relative_errors(write(tmp_path / "after.csv", without))
+    result = compare_workpieces(before, after)
+    assert result.total.ratio == pytest.approx(1.0)
+    assert result.total.before.n > result.total.after.n
+
+
 def test_other_points_or_components_are_told_to_prove_nothing(tmp_path):
     before = read_relative_errors(write(tmp_path / "before.csv", PLANAR))
     shorter = "\n".join(line.replace(",110,10,", ",30,10,") for line in PLANAR.splitlines()) + "\n"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,17 +10,20 @@ import typer
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, note, print_json
 from geoerr.cli.program_options import (
     At,
+    Digits,
+    Extrapolate,
     Firmware,
     FirmwareCorrects,
     Home,
     KeepUncertain,
     OnUnsupported,
+    OutsideMeasured,
+    OutsideMeasuredChoice,
     Tolerance,
     UnsupportedChoice,
     WorkOffset,
+    compensation_options,
     followed_conditions,
-    names,
-    triple,
 )
 from geoerr.cli.progress import progress_bar
 from geoerr.cli.text_tables import say
@@ -29,13 +31,6 @@ from geoerr.errors import InputFileError
 
 if TYPE_CHECKING:
     from geoerr.compensate.program import CompensationResult
-
-
-class OutsideMeasured(StrEnum):
-    """What to do outside the measured range."""
-
-    REFUSE = "refuse"
-    HOLD = "hold"
 
 
 _EXAMPLES = (
@@ -60,20 +55,13 @@ def compensate(
     work_offset: WorkOffset = "0,0,0",
     tolerance: Tolerance = 0.005,
     on_unsupported: OnUnsupported = UnsupportedChoice.REFUSE,
-    outside_measured: Annotated[
-        OutsideMeasured,
-        typer.Option("--outside-measured", help="Beyond the measured range: refuse, or hold the last errors."),
-    ] = OutsideMeasured.REFUSE,
-    digits: Annotated[
-        int, typer.Option("--digits", min=1, max=9, help="Digits of a printed axis word in mm; inches get one more.")
-    ] = 4,
+    outside_measured: OutsideMeasured = OutsideMeasuredChoice.REFUSE,
+    digits: Digits = 4,
     home: Home = None,
     firmware: Firmware = None,
     firmware_corrects: FirmwareCorrects = None,
     keep_uncertain: KeepUncertain = False,
-    extrapolate: Annotated[
-        bool, typer.Option("--extrapolate", help="Take conditions far outside what MODEL was fitted to.")
-    ] = False,
+    extrapolate: Extrapolate = False,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
@@ -81,21 +69,22 @@ def compensate(
     """Rewrite the program IN so that the machine of MODEL follows the path that IN means."""
     if as_json and str(output) == "-":
         raise typer.BadParameter("--json has standard output for itself", param_hint="-o -")
-    from geoerr.compensate.program import CompensationOptions, compensate_program, name_of_model
+    from geoerr.compensate.mark import name_of_model
+    from geoerr.compensate.program import compensate_program
     from geoerr.model import load_model
     from geoerr.report.provenance import provenance_of_command
 
-    options = CompensationOptions(
-        work_offset_mm=triple(work_offset, "--work-offset"),
-        tolerance_mm=tolerance,
+    options = compensation_options(
+        work_offset=work_offset,
+        tolerance=tolerance,
+        on_unsupported=on_unsupported,
+        outside_measured=outside_measured,
         digits=digits,
-        home_mm=None if home is None else triple(home, "--home"),
-        firmware=None if firmware is None else firmware.value,
-        firmware_corrects=names(firmware_corrects),
-        on_unsupported=on_unsupported.value,
-        outside_measured=outside_measured.value,
-        keeps_uncertain=keep_uncertain,
-        extrapolates=extrapolate,
+        home=home,
+        firmware=firmware,
+        firmware_corrects=firmware_corrects,
+        keep_uncertain=keep_uncertain,
+        extrapolate=extrapolate,
     )
     loaded = load_model(model)
     if output.exists() and output.samefile(model):

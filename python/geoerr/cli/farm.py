@@ -14,14 +14,20 @@ from geoerr.cli.fit import ComponentsChoice
 from geoerr.cli.options import JsonFlag, QuietFlag, Threads, examples, install_command, note, print_json
 from geoerr.cli.program_options import (
     At,
+    Digits,
+    Extrapolate,
     Firmware,
+    FirmwareCorrects,
     Home,
+    KeepUncertain,
     OnUnsupported,
+    OutsideMeasured,
+    OutsideMeasuredChoice,
     Tolerance,
     UnsupportedChoice,
     WorkOffset,
+    compensation_options,
     conditions,
-    triple,
 )
 from geoerr.cli.progress import progress_bar
 from geoerr.cli.text_tables import say
@@ -83,8 +89,13 @@ def farm(
     work_offset: WorkOffset = "0,0,0",
     tolerance: Tolerance = 0.005,
     on_unsupported: OnUnsupported = UnsupportedChoice.REFUSE,
+    outside_measured: OutsideMeasured = OutsideMeasuredChoice.REFUSE,
+    digits: Digits = 4,
     home: Home = None,
     firmware: Firmware = None,
+    firmware_corrects: FirmwareCorrects = None,
+    keep_uncertain: KeepUncertain = False,
+    extrapolate: Extrapolate = False,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", help="Address of a Dask scheduler, whose workers do the work.")
     ] = None,
@@ -97,7 +108,6 @@ def farm(
     Exit status 1 where something failed; all the rest is done. --threads is the number of processes, of one thread
     each.
     """
-    from geoerr.compensate.program import CompensationOptions
     from geoerr.farm import STEPS, Recipe, run_farm
     from geoerr.report.provenance import provenance_of_command
 
@@ -106,12 +116,17 @@ def farm(
         components=components.value,
         effects=tuple(add or ()),
         at=conditions(at),
-        options=CompensationOptions(
-            work_offset_mm=triple(work_offset, "--work-offset"),
-            tolerance_mm=tolerance,
-            home_mm=None if home is None else triple(home, "--home"),
-            firmware=None if firmware is None else firmware.value,
-            on_unsupported=on_unsupported.value,
+        options=compensation_options(
+            work_offset=work_offset,
+            tolerance=tolerance,
+            on_unsupported=on_unsupported,
+            outside_measured=outside_measured,
+            digits=digits,
+            home=home,
+            firmware=firmware,
+            firmware_corrects=firmware_corrects,
+            keep_uncertain=keep_uncertain,
+            extrapolate=extrapolate,
         ),
     )
     with ExitStack() as stack:

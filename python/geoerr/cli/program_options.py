@@ -1,4 +1,4 @@
-"""Options about a program that `compensate`, `farm` and `verify path` share."""
+"""Options about a program that `compensate`, `farm` and `verify path` share, and what those two correct with."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 from geoerr.cli.options import note
 
 if TYPE_CHECKING:
+    from geoerr.compensate.program import CompensationOptions
     from geoerr.model.arrays import Triple
 
 
@@ -28,6 +29,13 @@ class UnsupportedChoice(StrEnum):
 
     REFUSE = "refuse"
     PASS = "pass"
+
+
+class OutsideMeasuredChoice(StrEnum):
+    """What to do outside the measured range."""
+
+    REFUSE = "refuse"
+    HOLD = "hold"
 
 
 def positive(value: float | None) -> float | None:
@@ -70,14 +78,52 @@ FirmwareCorrects = Annotated[
         " (squareness, straightness, positioning, angular), with commas.",
     ),
 ]
-
-
 KeepUncertain = Annotated[
     bool,
     typer.Option(
         "--keep-uncertain", help="Correct also what is known so poorly that correcting it does more harm than good."
     ),
 ]
+OutsideMeasured = Annotated[
+    OutsideMeasuredChoice,
+    typer.Option("--outside-measured", help="Beyond the measured range: refuse, or hold the last errors."),
+]
+Digits = Annotated[
+    int, typer.Option("--digits", min=1, max=9, help="Digits of a printed axis word in mm; inches get one more.")
+]
+Extrapolate = Annotated[
+    bool, typer.Option("--extrapolate", help="Take conditions far outside what MODEL was fitted to.")
+]
+
+
+def compensation_options(
+    *,
+    work_offset: str,
+    tolerance: float,
+    on_unsupported: UnsupportedChoice,
+    outside_measured: OutsideMeasuredChoice,
+    digits: int,
+    home: str | None,
+    firmware: FirmwareName | None,
+    firmware_corrects: str | None,
+    keep_uncertain: bool,
+    extrapolate: bool,
+) -> CompensationOptions:
+    """Give what programs are corrected with, of the options by their names."""
+    from geoerr.compensate.program import CompensationOptions
+
+    return CompensationOptions(
+        work_offset_mm=triple(work_offset, "--work-offset"),
+        tolerance_mm=tolerance,
+        digits=digits,
+        home_mm=None if home is None else triple(home, "--home"),
+        firmware=None if firmware is None else firmware.value,
+        firmware_corrects=names(firmware_corrects),
+        on_unsupported=on_unsupported.value,
+        outside_measured=outside_measured.value,
+        keeps_uncertain=keep_uncertain,
+        extrapolates=extrapolate,
+    )
 
 
 def triple(text: str, option: str) -> Triple:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
@@ -57,10 +57,19 @@ def path(
         typer.Option(
             "--tolerance",
             callback=positive,
-            help="Fail (exit status 1) where the path of OUT is further off, mm, extrudes another length, or has"
-            " another feed.",
+            help="Fail (exit status 1) where the path of OUT is further off, mm, extrudes another length, has"
+            " another feed, or has moves that nobody can follow.",
         ),
     ] = None,
+    allow_untouched: Annotated[
+        int,
+        typer.Option(
+            "--allow-untouched",
+            min=0,
+            metavar="N",
+            help="Moves that --tolerance lets pass though nobody can follow them: arcs, places that are not known.",
+        ),
+    ] = 0,
     as_json: JsonFlag = False,
     quiet: QuietFlag = False,
     threads: Threads = 0,
@@ -101,7 +110,7 @@ def path(
         say(_report(result, is_home_known=home is not None))
     if not result.moves_compared:
         note("note: no move of the program could be compared", quiet)
-    _check(result, tolerance, firmware, is_home_known=home is not None)
+    _check(result, tolerance, allow_untouched, firmware, is_home_known=home is not None)
 
 
 def _report(result: PathResult, *, is_home_known: bool) -> str:
@@ -120,11 +129,21 @@ def _report(result: PathResult, *, is_home_known: bool) -> str:
         not_compared = counted(result.moves_not_compared, "move")
         begins = f"{_BEHIND_HOME}; or position" if is_home_known else "position"
         lines.append(f"{not_compared} not compared ({begins} not known, or no straight move)")
+    if result.moves_not_followed:
+        lines.append(_not_followed(result))
     if result.moves_with_other_extrusion:
         lines.append(_other_extrusion(result))
     if result.max_feed_change_line:
         lines.append(_other_feed(result))
     return "\n".join(lines)
+
+
+def _not_followed(result: PathResult) -> str:
+    count = result.moves_not_followed
+    if count == 1:
+        return f"1 move cannot be followed and stays as it was written (line {result.not_followed_line})"
+    first = f"the first: line {result.not_followed_line}"
+    return f"{count} moves cannot be followed and stay as they were written ({first})"
 
 
 def _other_extrusion(result: PathResult) -> str:
@@ -145,7 +164,12 @@ def _other_feed(result: PathResult) -> str:
 
 
 def _check(
-    result: PathResult, tolerance_mm: float | None, firmware: FirmwareName | None, *, is_home_known: bool
+    result: PathResult,
+    tolerance_mm: float | None,
+    most_untouched: int,
+    firmware: FirmwareName | None,
+    *,
+    is_home_known: bool,
 ) -> None:
     if tolerance_mm is None:
         return
@@ -155,14 +179,21 @@ def _check(
             "no move of the program could be compared, so that nothing is proved\n"
             f"hint: {begin}, and write arcs as straight moves"
         )
-    problems = list(_problems(result, tolerance_mm, firmware))
+    problems = [
+        *_off_path(result, tolerance_mm),
+        *_untouched(result, most_untouched, is_home_known=is_home_known),
+        *_other_than_path(result, firmware),
+    ]
     if problems:
         # The remedy of the worst may be that of the others.
         raise GeoerrError(f"{'; '.join(problem for problem, _ in problems)}\nhint: {problems[0][1]}")
 
 
-def _problems(result: PathResult, tolerance_mm: float, firmware: FirmwareName | None) -> Iterator[tuple[str, str]]:
-    """Give what is not as it should be with its remedy, the worst first."""
+# What is not as it should be, each with its remedy.
+_Problems: TypeAlias = "Iterator[tuple[str, str]]"
+
+
+def _off_path(result: PathResult, tolerance_mm: float) -> _Problems:
     if not result.max_error_um_after <= tolerance_mm * 1e3:
         yield (
             f"the corrected path is up to {result.max_error_um_after:.3f} µm off"
@@ -170,6 +201,19 @@ def _problems(result: PathResult, tolerance_mm: float, firmware: FirmwareName | 
             "give what compensate was given: the program as it was written, the model, --at, --home, --work-offset"
             " and the others, and no smaller tolerance",
         )
+
+
+def _untouched(result: PathResult, most: int, *, is_home_known: bool) -> _Problems:
+    if result.moves_not_followed > most:
+        begin = "" if is_home_known else "say where homing leaves the machine, --home; "
+        yield (
+            _not_followed(result),
+            f"{begin}give X, Y and Z before the first cut, write arcs and cycles as straight moves, or allow what is"
+            f" left: --allow-untouched {result.moves_not_followed}",
+        )
+
+
+def _other_than_path(result: PathResult, firmware: FirmwareName | None) -> _Problems:
     if result.moves_with_other_extrusion:
         yield (
             _other_extrusion(result),

@@ -19,7 +19,7 @@ from geoerr.arguments import check_choice, check_threads
 from geoerr.compensate.benefit import Benefit, benefit_of, uncertain_tables
 from geoerr.compensate.motion_notes import motion_notes
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
-from geoerr.files import digest, refusing_unreadable, whole_or_absent
+from geoerr.files import MAKE_ROOM_FOR_COPIES, refusing_full, refusing_unreadable, whole_or_absent
 from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.arrays import Triple, triple_mm
@@ -43,9 +43,6 @@ OutsideMeasured = Literal["refuse", "hold"]
 
 # What is read at a time: with the block that is being written, a few times this is all the memory that is used.
 CHUNK_BYTES = 1 << 20
-
-# Twelve digits tell any two models of a workshop apart.
-_MODEL_NAME_DIGITS = 12
 
 # The core counts extruded length in units of 1e-18 mm, so that sums are exact.
 _EXTRUSION_UNITS_PER_MM = 10**18
@@ -295,7 +292,8 @@ def compensate_program(
         if str(target) == "-":
             # A refused program must not leave half an output in a pipe.
             whole = stack.enter_context(tempfile.TemporaryFile())
-            _rewrite(job, source, chunks, whole, threads)
+            with refusing_full(tempfile.gettempdir(), MAKE_ROOM_FOR_COPIES):
+                _rewrite(job, source, chunks, whole, threads)
             whole.seek(0)
             shutil.copyfileobj(whole, sys.stdout.buffer)
             sys.stdout.buffer.flush()
@@ -305,11 +303,6 @@ def compensate_program(
             with temporary.open("wb") as stream:
                 _rewrite(job, source, chunks, stream, threads)
     return _result(job, threads)
-
-
-def name_of_model(path: str | Path) -> str:
-    """Give what names a model's file in the mark of a corrected program: the first digits of its SHA-256."""
-    return digest(path)[:_MODEL_NAME_DIGITS]
 
 
 def compensate_bytes(

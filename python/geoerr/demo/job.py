@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.arguments import check_threads
-from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program, name_of_model
+from geoerr.compensate.mark import name_of_model
+from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_program
 from geoerr.error_functions import ErrorFunctions, write_errors
 from geoerr.files import write_json
 from geoerr.identify import NineLineResult, analyze_nine_lines

@@ -34,7 +34,7 @@ class FarmFolder:
     tables
         Measured points and circular tests, in the order of their names.
     programs
-        In the folder by their suffix; everything below its folder `programs`.
+        In the folder by their suffix; everything below its folder `programs`, behind links as well.
     is_session
         Whether it has pictures to be measured: session.toml, and no measurements yet.
     """
@@ -72,6 +72,7 @@ def bytes_of(files: Mapping[str, Path]) -> dict[str, bytes]:
     """Give the bytes of files; refuse one that cannot be read by its name."""
     carried = {}
     for name, path in files.items():
+        _refuse_dangling(path)
         with refusing_unreadable(path):
             carried[name] = path.read_bytes()
     return carried
@@ -85,7 +86,7 @@ def read_folder(path: Path) -> FarmFolder:
     InputFileError
         for a folder that is none, or has nothing of a machine.
     """
-    files = sorted(one.name for one in _listed(path) if one.is_file() and not one.name.startswith("."))
+    files = sorted(one.name for one in _listed(path) if _is_file(one) and not one.name.startswith("."))
     tables = tuple(name for name in files if name.lower().endswith(TABLES) and name not in _OF_SESSION)
     folder = FarmFolder(
         path,
@@ -112,23 +113,43 @@ def programs_in(path: Path) -> tuple[str, ...]:
     InputFileError
         for a folder that cannot be listed.
     """
-    own = sorted(one.name for one in _listed(path) if one.is_file() and one.name.lower().endswith(PROGRAMS))
+    own = sorted(one.name for one in _listed(path) if _is_file(one) and one.name.lower().endswith(PROGRAMS))
     beneath = path / "programs"
-    below = [one.relative_to(path) for one in _files_below(beneath)] if beneath.is_dir() else []
+    if beneath.is_dir():
+        below = [one.relative_to(path) for one in _files_below(beneath)]
+    else:
+        # A link may lead nowhere: that is told as it is read.
+        below = [Path(beneath.name)] if _is_dangling(beneath) else []
     return (
         *(name for name in own if not name.startswith(".")),
         *sorted(one.as_posix() for one in below if not any(name.startswith(".") for name in one.parts)),
     )
 
 
-def _files_below(path: Path) -> Iterator[Path]:
-    """Give the files in a folder and in those in it, behind no link to a folder: it may lead back."""
+def _files_below(path: Path, around: tuple[Path, ...] = ()) -> Iterator[Path]:
+    """Give the files in a folder and in those in it; a link that leads back, to a folder around it, has no others."""
+    around = (*around, path.resolve())
     for one in _listed(path):
-        if one.is_dir():
-            if not one.is_symlink():
-                yield from _files_below(one)
-        elif one.is_file():
+        if _is_file(one):
             yield one
+        elif one.is_dir() and not any(outer.is_relative_to(one.resolve()) for outer in around):
+            yield from _files_below(one, around)
+
+
+def _is_file(path: Path) -> bool:
+    """Say whether this is a file, or a link that leads nowhere: to be named, not passed over, as it is read."""
+    return path.is_file() or _is_dangling(path)
+
+
+def _is_dangling(path: Path) -> bool:
+    return path.is_symlink() and not path.exists()
+
+
+def _refuse_dangling(path: Path) -> None:
+    if _is_dangling(path):
+        raise InputFileError(
+            path, f"is a link to {path.readlink()}, which is not there", remedy="bring it there, or remove the link"
+        )
 
 
 def machine_paths(farm: Path, results: Path) -> list[Path]:
@@ -144,7 +165,8 @@ def machine_paths(farm: Path, results: Path) -> list[Path]:
     files = {one.name for one in _listed(farm)}
     if files & {"machine.toml", "session.toml", *MODELS}:
         return [farm]
-    found = sorted(one for one in _listed(farm) if one.is_dir() and not one.name.startswith("."))
+    there = (one for one in _listed(farm) if one.is_dir() or _is_dangling(one))
+    found = sorted(one for one in there if not one.name.startswith("."))
     found = [one for one in found if one.resolve() != results.resolve() or any(own.is_file() for own in _listed(one))]
     if not found:
         raise InputFileError(farm, "holds no folders of machines", remedy="make one for each machine")
@@ -152,6 +174,7 @@ def machine_paths(farm: Path, results: Path) -> list[Path]:
 
 
 def _listed(path: Path) -> list[Path]:
+    _refuse_dangling(path)
     try:
         return list(path.iterdir())
     except FileNotFoundError as error:

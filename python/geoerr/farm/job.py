@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, gettempdir
 
 from geoerr import __version__
 from geoerr.errors import GeoerrError
 from geoerr.farm.outcome import StepResult
 from geoerr.farm.recipe import Recipe, Step
+from geoerr.files import MAKE_ROOM_FOR_COPIES, is_full
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,11 @@ class Job:
         """What it carries."""
         return sum(map(len, self.files.values()))
 
+    @property
+    def about(self) -> str:
+        """What messages name: the program, or the machine's folder where there is none."""
+        return self.folder if self.program is None else f"{self.folder}/{self.program}"
+
 
 def work(job: Job) -> list[StepResult]:
     """Do a job, on one thread; whatever goes wrong is a result."""
@@ -88,7 +94,11 @@ def work(job: Job) -> list[StepResult]:
 
 def _told(job: Job, error: BaseException, said_as: Mapping[str, str]) -> str:
     """Say what went wrong as the command line does; of what geoerr does not refuse itself, say also its kind."""
-    text = str(error) if isinstance(error, GeoerrError) else f"{job.folder}: {type(error).__name__}: {error}"
+    for one in (error, error.__cause__):
+        if is_full(one):
+            # What is written here is copies: no output of the caller's is meant.
+            return f"{job.about}: no room to work in {gettempdir()}: {one.strerror}\nhint: {MAKE_ROOM_FOR_COPIES}"
+    text = str(error) if isinstance(error, GeoerrError) else f"{job.about}: {type(error).__name__}: {error}"
     for there, here in said_as.items():
         text = text.replace(there, here)
     return text

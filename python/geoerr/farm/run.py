@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from pathlib import Path
 
+from geoerr.compensate.mark import is_corrected_by, name_of_content
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here
 from geoerr.farm.folders import INPUTS, MODELS, FarmFolder, bytes_of, machine_paths, name_of, programs_in, read_folder
 from geoerr.farm.job import Job
-from geoerr.farm.outcome import Farm, Outcome
+from geoerr.farm.outcome import Farm, Outcome, StepResult
 from geoerr.farm.recipe import STEPS, Recipe, Step, results_of
 from geoerr.files import whole_or_absent
 
@@ -42,8 +43,9 @@ def run_farm(
         `errors.json` in it is taken as it is, `rig.json` and `effects.toml` (the user's own effects) take part.
     output
         Folder for the results, a folder each: `observations.csv`, `rig.json`, `errors.json`, `model.json`,
-        `diagnosis.json`, and programs under their own names. Each file is whole or absent: where a step fails or is
-        not reached, what an earlier call wrote in its place is removed.
+        `diagnosis.json`, and programs under their own names. Each file is whole or absent, and replaced when its
+        successor is there. Where a step fails, what an earlier call wrote in its place, or in that of a step which
+        needs it, is removed; so are programs that do not bear the mark of the model which now stands for them.
     recipe
         What is done with each; None for everything that its folder has something for.
     executor
@@ -109,10 +111,21 @@ class _Run:
                     path, f"has the name of {names[name]}", remedy="results go by the folder's name: rename one"
                 )
             names[name] = path
-            if (self.output / name).resolve() == path.resolve():
-                raise InputFileError(
-                    self.output, "results would stand among the inputs", remedy="name another folder for the results"
-                )
+        machines = {path.resolve() for path in paths}
+        results = {(self.output / name).resolve() for name in names}
+        read_from = machines | {folder.resolve() for path in paths for folder in self._program_folders(path)}
+        for one in results:
+            _refuse_within(self.output, one, read_from)
+        for one in machines:
+            _refuse_within(self.output, one, results)
+
+    def _program_folders(self, path: Path) -> set[Path]:
+        """Give the folders that a machine's programs are read from: a link may lead to one anywhere."""
+        if "compensate" in self.recipe.steps:
+            # A machine's folder that cannot be used has its outcome later.
+            with suppress(GeoerrError, OSError):
+                return {(path / name).parent for name in programs_in(path)}
+        return set()
 
     def _read(self, path: Path) -> FarmFolder | None:
         name = name_of(path)
@@ -135,7 +148,9 @@ class _Run:
         for folder in folders:
             if folder.model is not None:
                 self.models[folder.name] = folder.path / folder.model
-                self._without_earlier_programs(folder.name)
+                # One that cannot be read is told when its turn comes.
+                with suppress(GeoerrError, OSError):
+                    self._without_programs_of_others(folder.name, *folder.carried([folder.model]).values())
             possible: set[Step] = {"diagnose"} if folder.model else {"identify", "fit", "diagnose"}
             steps: list[Step] = [step for step in STEPS if step in possible and step in self.recipe.steps]
             if folder.is_session and "measure" in self.recipe.steps:
@@ -178,8 +193,8 @@ class _Run:
     def _do(self, jobs: Iterator[Job]) -> None:
         finished = finished_here(jobs, self.workers) if self.executor is None else finished_by(self.executor, jobs)
         for job, became in finished:
-            if job.program is None:
-                self._without_earlier_programs(job.machine)
+            if job.program is None and job.machine not in self.models:
+                self._without_programs_of_others(job.machine, _made_model(became))
             outcomes = self._written(job, became)
             written = {name for one in outcomes for name in one.files}
             wanted = results_of(job.steps, job.files, job.program)
@@ -205,11 +220,9 @@ class _Run:
                 files, error = (), str(refused)
             says = "" if error else result.says
             outcomes.append(Outcome(job.machine, result.step, result.program, files, says, error, result.notes))
-        made = {name for one in outcomes for name in one.files}
-        if not any(one.error for one in outcomes if one.step in ("measure", "fit")):
-            model = next((name for name in MODELS if f"{job.machine}/{name}" in made), None)
-            if model is not None:
-                self.models[job.machine] = self.output / job.machine / model
+        model = _model_of(outcomes) if job.program is None else None
+        if model is not None:
+            self.models[job.machine] = self.output / job.machine / model
         return outcomes
 
     def _results_of(self, path: Path) -> list[str]:
@@ -221,12 +234,23 @@ class _Run:
             programs, there = (), []
         return [*results_of(self.recipe.steps, there), *programs]
 
-    def _without_earlier_programs(self, machine: str) -> None:
-        """Remove a machine's programs before its new model is there: a run that is stopped leaves none of another."""
-        for program in self.programs[machine]:
+    def _without_programs_of_others(self, machine: str, model: bytes | None) -> None:
+        """Remove a machine's earlier programs that another model corrected, before its own is there.
+
+        A run that is stopped would leave them beside it; those by the same model stay until they are replaced.
+
+        Parameters
+        ----------
+        machine
+            Its name.
+        model
+            The model's file; None where there is none.
+        """
+        for path in (self.output / machine / program for program in self.programs[machine]):
             # What cannot be removed cannot be written either: that is told when its turn comes.
             with suppress(OSError):
-                (self.output / machine / program).unlink()
+                if model is None or not is_corrected_by(path, name_of_content(model)):
+                    path.unlink()
 
     def _without_earlier(
         self, outcomes: list[Outcome], machine: str, program: str | None, missed: Iterable[str]
@@ -255,9 +279,42 @@ class _Run:
                 f"no folder for results can be made: {error.strerror}",
                 remedy="name another folder for the results, or remove the file in its place",
             ) from error
-        with whole_or_absent(path) as temporary:
-            temporary.write_bytes(content)
+        if not _holds(path, content):
+            with whole_or_absent(path) as temporary:
+                temporary.write_bytes(content)
         return f"{machine}/{name}"
+
+
+def _refuse_within(output: Path, folder: Path, others: Collection[Path]) -> None:
+    """Refuse a folder that is one of others or stands in one: the next run would take results for inputs."""
+    if not {folder, *folder.parents}.isdisjoint(others):
+        raise InputFileError(
+            output, "results would stand among the inputs", remedy="name another folder for the results"
+        )
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    """Say whether a file is there already as it should be: what is not written needs no room on a full disk."""
+    with suppress(OSError):
+        return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
+    return False
+
+
+def _model_of(results: Iterable[StepResult | Outcome]) -> str | None:
+    """Name the best model of what a machine's own steps gave; None where points or model could not be made."""
+    there = list(results)
+    if any(one.error for one in there if one.step in ("measure", "fit")):
+        return None
+    made = {Path(name).name for one in there for name in one.files}
+    return next((name for name in MODELS if name in made), None)
+
+
+def _made_model(became: Finished) -> bytes | None:
+    """Give the file of the model that a job brought; None where it brought none."""
+    if isinstance(became, BaseException):
+        return None
+    name = _model_of(became)
+    return None if name is None else next(one.files[name] for one in became if name in one.files)
 
 
 def _without_model(folder: FarmFolder, program: str) -> Outcome:
@@ -270,6 +327,5 @@ def _without_model(folder: FarmFolder, program: str) -> Outcome:
 
 def _lost(job: Job, error: BaseException) -> str:
     """Say why a job has no results."""
-    about = job.folder if job.program is None else f"{job.folder}/{job.program}"
     why = "its process died" if isinstance(error, BrokenExecutor) else f"{type(error).__name__}: {error}"
-    return f"{about}: no result came back: {why}\nhint: give it more memory, or fewer workers to share it"
+    return f"{job.about}: no result came back: {why}\nhint: give it more memory, or fewer workers to share it"

@@ -173,7 +173,8 @@ def _diagnose(bench: Bench) -> list[StepResult]:
 
 
 def _compensate(bench: Bench) -> list[StepResult]:
-    from geoerr.compensate.program import compensate_program, name_of_model
+    from geoerr.compensate.mark import name_of_model
+    from geoerr.compensate.program import compensate_program
 
     assert bench.program is not None
     source, recipe = bench.folder / bench.program, bench.recipe

@@ -51,6 +51,10 @@ class PathResult:
         Moves of the first program whose path was compared, and the others: they begin or end at a place that is not
         known, or begin where homing leaves the machine, of which `compensate` corrects the end alone, or are no
         straight moves.
+    moves_not_followed, not_followed_line
+        Lines of the first program that move and of which nothing could be compared, not even where they end, and the
+        first of them (0: none): `compensate` passes them through as they are. Moves to places that are not known,
+        arcs, cycles, calls of other programs, and what stands behind them.
     path_mm
         Length of the path that was compared.
     extrusion_in_mm, extrusion_out_mm
@@ -75,6 +79,8 @@ class PathResult:
     moves_out: int
     moves_compared: int
     moves_not_compared: int
+    moves_not_followed: int
+    not_followed_line: int
     path_mm: float
     extrusion_in_mm: float
     extrusion_out_mm: float
@@ -207,6 +213,8 @@ def compare_paths(
         moves_out=reader_out.n_moves,
         moves_compared=tally.n_compared,
         moves_not_compared=reader_in.n_moves - tally.n_compared,
+        moves_not_followed=reader_in.n_not_followed,
+        not_followed_line=reader_in.first_not_followed,
         path_mm=in_figures.weight,
         extrusion_in_mm=reader_in.extrusion / UNITS_PER_MM,
         extrusion_out_mm=reader_out.extrusion / UNITS_PER_MM,

@@ -49,6 +49,8 @@ _NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
 # G codes whose words are times or settings.
 _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
+# A move that a probe ends, and macros: where they go is not in the program.
+_UNSEEN = frozenset((31.0, 65.0, 66.0))
 # Axis words mean something else until the second code: diameters, polar, scaled, turned; offset by the cutter.
 _TRANSFORM = {7.0: 8.0, 16.0: 15.0, 51.0: 50.0, 68.0: 69.0, 41.0: 40.0, 41.1: 40.0, 42.0: 40.0, 42.1: 40.0}
 _TRANSFORM |= {12.1: 13.1, 112.0: 113.0, 254.0: 255.0}
@@ -241,6 +243,8 @@ class ProgramReader:
     ----------
     n_lines, n_moves
         What was read so far.
+    n_not_followed, first_not_followed
+        Lines that move and are no straight move to a known place, and the first of them (0: none).
     lacks_home
         Whether the program homed, and where that leaves the machine was not told.
     """
@@ -256,6 +260,7 @@ class ProgramReader:
         self.path = Path(path)
         self.n_lines = 0
         self.n_moves = 0
+        self.n_not_followed = self.first_not_followed = 0
         self.lacks_home = False
         self._home_mm = home_mm
         self._firmware = firmware
@@ -298,7 +303,12 @@ class ProgramReader:
             raise InputFileError(self.path, f"cannot be read: {error.strerror}") from error
 
     def _follow(self, body: bytes) -> Move | None:
-        if self._is_lost or self._n_tape_marks >= 2:
+        if self._n_tape_marks >= 2:
+            return None
+        if self._is_lost:
+            statement = read_statement(body, is_for_printer=self._firmware is not None)
+            if any(letter in (statement.words or {}) for letter in _LETTERS):
+                self._pass_over()
             return None
         plain = _PLAIN_MOVE.fullmatch(body)
         if plain is not None and not self._modes.transforms and not self._modes.is_inverse_time:
@@ -314,10 +324,10 @@ class ProgramReader:
                 pass
             case Kind.TAPE:
                 self._n_tape_marks += 1
-            case Kind.NUMBER if not self._is_numbered and self.n_moves == 0:
-                self._is_numbered = True
-            case Kind.BRANCH | Kind.NUMBER:
-                self._lose()
+            case Kind.BRANCH:
+                self._lose_way()
+            case Kind.NUMBER:
+                self._program_number()
             case Kind.ANYWHERE:
                 self._forget()
             case Kind.M_CODE:
@@ -327,6 +337,12 @@ class ProgramReader:
             case Kind.WORDS:
                 return self._words(statement)
         return None
+
+    def _program_number(self) -> None:
+        """Take the number of the program; another one begins another program."""
+        if self._is_numbered or self.n_moves > 0:
+            self._lose()
+        self._is_numbered = True
 
     def _ends_here(self, statement: Statement) -> bool:
         """Tell whether a line is not run as it stands by the firmware that was named, or changes what words mean."""
@@ -384,10 +400,12 @@ class ProgramReader:
         is_template = statement.has_placeholder and not has_numbers and not _OTHER_AXES & words.keys()
         if is_template and modes.motion == "straight" and not is_odd and not modes.transforms:
             self._forget_named(words)
+            self._pass_over()
             return None
         is_clear = statement.is_single and has_numbers and not is_odd and not modes.transforms
         if modes.motion in (None, "ends somewhere") or not is_clear or (in_machine and modes.is_relative):
             self._forget()
+            self._pass_over()
             return None
         extrusion = self._extruder.move(words.get(b"E"))
         x, y, z = (words.get(letter) for letter in _LETTERS)
@@ -396,9 +414,15 @@ class ProgramReader:
         if modes.motion == "straight" and is_correctable and self._is_placed(statement) and not modes.is_inverse_time:
             return self._arrive(end, extrusion, _others(statement, words))
         self.n_moves += 1
+        self._pass_over()
         self._place, self._is_on_path = end, False
         self._forget_past([True, True, True])
         return None
+
+    def _pass_over(self) -> None:
+        """Count a line of which nobody can say where its move ends, or that it goes there straight."""
+        self.n_not_followed += 1
+        self.first_not_followed = self.first_not_followed or self.n_lines
 
     def _take_feed(self, feed: float | None) -> None:
         # Marlin passes F0 over.
@@ -444,6 +468,7 @@ class ProgramReader:
             course = self._past.straight(begin, end, 0.0 if math.isnan(override) else feed.speed_mm_min * override)
         self._is_on_path = _is_known(end)
         if not _is_known(end):
+            self._pass_over()
             return None
         return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, feed, course, others)
 
@@ -557,6 +582,8 @@ class ProgramReader:
             self._lose_zero()
         elif code not in _OWN_WORDS:
             self._forget()
+            if code in _UNSEEN:
+                self._pass_over()
         if 93.0 in statement.codes or not self._is_placed(statement):
             self._forget()
         self._find_zero()
@@ -620,7 +647,7 @@ class ProgramReader:
         elif code in (6.0, 48.0):
             self._forget()
         elif code in (98.0, 99.0, 198.0):
-            self._lose()
+            self._lose_way()
         elif code in (622.0, 623.0):
             self._branch(begins=code == 622.0)
 
@@ -649,6 +676,11 @@ class ProgramReader:
         """Lose track for good: which line comes next is not known."""
         self._forget()
         self._is_lost = True
+
+    def _lose_way(self) -> None:
+        """Lose track at a call or a jump: what is run there may move anywhere."""
+        self._lose()
+        self._pass_over()
 
     def _lose_zero(self) -> None:
         self._forget()

@@ -26,6 +26,7 @@ from geoerr.observations import (
     read_lengths,
     read_observations,
 )
+from geoerr.summaries import counted
 from geoerr.tables import RowProblem, read_raw
 from geoerr.verify.ballbar import usable_range_mm
 from geoerr.verify.remaining import compensate_positions
@@ -81,7 +82,10 @@ class RelativeErrors:
 
     def of_group(self, name: str | None) -> GroupFigures | None:
         """Give the figures of a group, of all errors together where None; None where there is no such error."""
-        mask = np.array([name is None or group == name for group in self.group], dtype=bool)
+        return self.of_rows(np.array([name is None or group == name for group in self.group], dtype=bool))
+
+    def of_rows(self, mask: npt.NDArray[np.bool_]) -> GroupFigures | None:
+        """Give the figures of some errors, by a mask (n,); None where there is none."""
         if not mask.any():
             return None
         errors = self.error_mm[mask]
@@ -115,18 +119,15 @@ class GroupFigures:
 
 @dataclass(frozen=True)
 class GroupComparison:
-    """One row of the table: a group before and after; None where the file has no such group."""
+    """One row of the table: a group before and after; None where the file has no such group.
+
+    `ratio` is RMSE after over RMSE before, of what both files measured; None where that is nothing, or was 0 before.
+    """
 
     name: str
     before: GroupFigures | None
     after: GroupFigures | None
-
-    @property
-    def ratio(self) -> float | None:
-        """RMSE after over RMSE before; None where one is missing or the one before is 0."""
-        if self.before is None or self.after is None or self.before.rmse_mm == 0.0:
-            return None
-        return self.after.rmse_mm / self.before.rmse_mm
+    ratio: float | None
 
     def to_document(self) -> dict[str, Any]:
         """Give the row as plain values."""
@@ -175,42 +176,66 @@ def compare_workpieces(before: RelativeErrors, after: RelativeErrors) -> Workpie
             remedy="measure both workpieces in the same way",
         )
     names = list(dict.fromkeys([*before.group, *after.group]))
-    groups = tuple(GroupComparison(name, before.of_group(name), after.of_group(name)) for name in names)
+    named = [_compared(before, after, name) for name in names]
+    groups = tuple(group for group, _ in named)
+    total, of_total = _compared(before, after, None)
     notes = [*before.notes, *after.notes]
     if before.components != after.components:
         notes.append(
             f"{' '.join(before.components)} were measured before, {' '.join(after.components)} after: with all three "
             "the workpiece is turned onto its nominal points first, and errors of more components are larger"
         )
-    for group in groups:
-        if group.before is not None and group.after is not None and not _are_alike(before, after, group.name):
-            notes.append(
-                f"group {group.name!r} has other nominal {before.kind} before than after: its ratio compares two "
-                "different measurements, and proves nothing"
-            )
+    for group, note in named:
+        notes += note
         if group.before is None or group.after is None:
             notes.append(f"group {group.name!r} is in one of the two files only and has no ratio")
         elif group.before.n != group.after.n:
             notes.append(f"group {group.name!r} has {group.before.n} errors before and {group.after.n} after")
+    notes += of_total
     for line in sorted(set(before.first_points) & set(after.first_points)):
         if not np.allclose(before.first_points[line], after.first_points[line], rtol=0.0, atol=1e-6):
             notes.append(f"line {line!r} starts from different points before and after: its errors do not compare")
     return WorkpieceResult(
         kind=before.kind,
         groups=groups,
-        total=GroupComparison("all", before.of_group(None), after.of_group(None)),
+        total=total,
         notes=tuple(dict.fromkeys(notes)),
         set_aside=(*before.set_aside, *after.set_aside),
     )
 
 
-def _are_alike(before: RelativeErrors, after: RelativeErrors, group: str) -> bool:
-    """Tell whether a group has the same nominal points or ends in both files, however often each was measured."""
-    first, second = (
-        np.unique(np.round(_either_way(one.nominal_mm[np.array(one.group) == group]) / _SAME_MM), axis=0)
-        for one in (before, after)
-    )
-    return first.shape == second.shape and bool((np.abs(first - second) <= 1.0).all())
+def _compared(before: RelativeErrors, after: RelativeErrors, name: str | None) -> tuple[GroupComparison, list[str]]:
+    """Compare a group, or all where None, and say so where its ratio is not that of the figures beside it."""
+    first, second = before.of_group(name), after.of_group(name)
+    row, ratio = "all" if name is None else name, None
+    both = [_in_both(one, other, name) for one, other in ((before, after), (after, before))]
+    common, kept = before.of_rows(both[0]), after.of_rows(both[1])
+    if common is not None and kept is not None and common.rmse_mm > 0.0:
+        ratio = kept.rmse_mm / common.rmse_mm
+    group = GroupComparison(row, first, second, ratio)
+    if first is None or second is None or (common, kept) == (first, second):
+        return group, []
+    what = f"{'the whole' if name is None else f'group {name!r}'} has other nominal {before.kind} before than after"
+    if common is None or kept is None:
+        return group, [f"{what}: none is in both files, and there is no ratio"]
+    return group, [
+        f"{what}: the ratio is that of what both files have, {counted(common.n, 'error')} before and {kept.n} after"
+    ]
+
+
+def _in_both(one: RelativeErrors, other: RelativeErrors, name: str | None) -> npt.NDArray[np.bool_]:
+    """Tell which errors of one file, in a group or in all where None, the other has as well, (n,).
+
+    What is measured of a point depends on its line: of all points, those are the same that are of one group. A length
+    is itself in any group.
+    """
+    if name is None and one.kind == "points":
+        masks = [_in_both(one, other, group) for group in dict.fromkeys(one.group)]
+        return np.asarray(np.any(masks, axis=0), dtype=np.bool_)
+    mine, others = (np.array([name in (None, group) for group in of.group], dtype=bool) for of in (one, other))
+    there_mm = np.unique(_either_way(other.nominal_mm[others]), axis=0)
+    mine[mine] = [bool((np.abs(there_mm - at_mm) <= _SAME_MM).all(axis=1).any()) for at_mm in one.nominal_mm[mine]]
+    return mine
 
 
 def _either_way(nominal_mm: Numbers) -> Numbers:
