@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 from geoerr.compensate.mark import is_corrected_by, name_of_content
 from geoerr.errors import GeoerrError, InputFileError
@@ -113,18 +114,20 @@ class _Run:
             names[name] = path
         machines = {path.resolve() for path in paths}
         results = {(self.output / name).resolve() for name in names}
-        read_from = machines | {folder.resolve() for path in paths for folder in self._program_folders(path)}
-        for one in results:
-            _refuse_within(self.output, one, read_from)
-        for one in machines:
-            _refuse_within(self.output, one, results)
+        # Below a machine's own folder nothing is read but programs: results may stand in one of their own there.
+        read_below = {folder.resolve() for path in paths for folder in self._program_folders(path)} - machines
+        if results & machines:
+            _refuse_among_inputs(self.output)
+        for folder, others in [*((one, read_below) for one in results), *((one, results) for one in machines)]:
+            if not {folder, *folder.parents}.isdisjoint(others):
+                _refuse_among_inputs(self.output)
 
     def _program_folders(self, path: Path) -> set[Path]:
         """Give the folders that a machine's programs are read from: a link may lead to one anywhere."""
         if "compensate" in self.recipe.steps:
             # A machine's folder that cannot be used has its outcome later.
             with suppress(GeoerrError, OSError):
-                return {(path / name).parent for name in programs_in(path)}
+                return {path / "programs", *((path / name).parent for name in programs_in(path))}
         return set()
 
     def _read(self, path: Path) -> FarmFolder | None:
@@ -285,12 +288,9 @@ class _Run:
         return f"{machine}/{name}"
 
 
-def _refuse_within(output: Path, folder: Path, others: Collection[Path]) -> None:
-    """Refuse a folder that is one of others or stands in one: the next run would take results for inputs."""
-    if not {folder, *folder.parents}.isdisjoint(others):
-        raise InputFileError(
-            output, "results would stand among the inputs", remedy="name another folder for the results"
-        )
+def _refuse_among_inputs(output: Path) -> NoReturn:
+    """Refuse a folder for results from which the next run would read."""
+    raise InputFileError(output, "results would stand among the inputs", remedy="name another folder for the results")
 
 
 def _holds(path: Path, content: bytes) -> bool:
