@@ -238,7 +238,7 @@ def test_an_option_that_would_be_read_as_another_is_refused_by_name(name, value)
         CompensationOptions(**{name: value})
 
 
-@pytest.mark.parametrize("line", ["G2 X10 Y10 I5", "G81 X1 Y1 Z-1 R1", "G1 X5 A10", "#100 = 5", "G41 D1", "G92.1"])
+@pytest.mark.parametrize("line", ["G2 X10 Y10 I5", "G81 X1 Y1 Z-1 R1", "G1 X5 A10", "#100 = 5", "G41 D1", "G92.3"])
 def test_without_errors_nothing_is_refused_and_every_byte_comes_back(line):
     program = f"G1 X1 Y2 Z3\n{line}\nG1 X4 Y5 Z6\n".encode()
     written, result = compensate_bytes(nominal(), program)

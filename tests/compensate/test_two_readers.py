@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -11,11 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from geoerr.compensate.program import CompensationOptions, CompensationResult, compensate_bytes
 from geoerr.errors import GcodeError
 from geoerr.model import Model
+from geoerr.model.arrays import Triple
 from geoerr.verify.path import compare_paths
 
 MILL = mill()
 NOMINAL = nominal()
 PASS = CompensationOptions(on_unsupported="pass")
+# A program's zero that is told, and one that is not: G53 tells of it then, or does not.
+offsets = st.sampled_from([(0.0, 0.0, 0.0), (0.0, 0.0, 2.5)])
 
 numbers = st.floats(-300.0, 300.0).map(lambda value: f"{value:.3f}")
 odd_numbers = st.sampled_from(["", "5", "[1+2]", "{depth}", "#1", "-.", ".5", "1E2"])
@@ -25,11 +29,14 @@ modes = st.sampled_from(MODES.split())
 SPECIAL = """
     G2 G3 G4 G10 G28 G29 G41 G43 G49 G55 G61 G81 G92 G93 M6 M82 M83 M84 T1 / ; (a) *12 PARK L2 P1 N5 SET_SKEW M117
     G92.1 G68 G69 G38.2 G33 G5 M1 M29 M64 M92 G12.1 G13.1 G112 G113 G500 G505 G700 G107 M48
+    G52 G28.1 G15 G70 G71 D1 D2 D0 M5
 """
 special = st.lists(st.sampled_from(SPECIAL.split()), max_size=1)
 parts = st.tuples(st.lists(modes, max_size=2), special, st.lists(words, max_size=4, unique_by=lambda word: word[0]))
 line = parts.flatmap(lambda part: st.permutations([*part[0], *part[1], *part[2]])).map(" ".join)
 line |= st.sampled_from(["/1 G91", "N7 /G1 X5", "/ 2 N7 G55", "TRANS X5", "ROT RPL=30", "1 L X+5 R0"])
+line |= st.sampled_from(["D1", "D2", "T1 D0", "L100 P3", "#CS ON", "#Layer", "G54 P3", "G15 H1", "G43 H1", "G49"])
+line |= st.sampled_from(["G52 X0 Y0", "G0 G17 G80", "G53 G0 Z300", "G4 P1 X5", "G92.1", "G92 X5"])
 line |= st.sampled_from(["%", "M98 P1", "O1 sub", "while true", "M622 J1", "M623", "M01 G0 Z50", "G10 L2 P0 X5"])
 move = st.tuples(st.sampled_from(["G1", "g0", "G01"]), numbers, numbers, numbers).map(
     lambda parts: f"{parts[0]} X{parts[1]} Y{parts[2]} Z{parts[3]} E1.5"
@@ -46,7 +53,7 @@ def attempt(
         return error
 
 
-def check(model: Model, program: str, folder: Path, passed: bytes | None = None) -> bytes | None:
+def check(model: Model, program: str, folder: Path, offset_mm: Triple, passed: bytes | None = None) -> bytes | None:
     """Hold both readers against each other; a program that nothing is passed in is written as where it is passed.
 
     Parameters
@@ -54,7 +61,8 @@ def check(model: Model, program: str, folder: Path, passed: bytes | None = None)
     passed
         What was written where unsupported lines are passed; None: pass them now.
     """
-    outcome = attempt(model, program.encode(), PASS if passed is None else CompensationOptions())
+    options = replace(PASS if passed is None else CompensationOptions(), work_offset_mm=offset_mm)
+    outcome = attempt(model, program.encode(), options)
     if isinstance(outcome, GcodeError):
         assert 1 <= outcome.line <= program.count("\n") + 1
         return None
@@ -64,7 +72,7 @@ def check(model: Model, program: str, folder: Path, passed: bytes | None = None)
         return written
     (folder / "in.gcode").write_text(program)
     (folder / "out.gcode").write_bytes(written)
-    path = compare_paths(model, folder / "in.gcode", folder / "out.gcode", threads=1)
+    path = compare_paths(model, folder / "in.gcode", folder / "out.gcode", work_offset_mm=offset_mm, threads=1)
     if "not-split" not in {warning.kind for warning in result.warnings}:
         assert path.max_error_um_after <= 5.0
     assert path.moves_with_other_extrusion == 0
@@ -74,13 +82,14 @@ def check(model: Model, program: str, folder: Path, passed: bytes | None = None)
 
 
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(programs)
-def test_programs_of_any_words(tmp_path, program):
-    passed = check(MILL, program, tmp_path)
+@given(programs, offsets)
+def test_programs_of_any_words(tmp_path, program, offset_mm):
+    passed = check(MILL, program, tmp_path, offset_mm)
     if passed is None:
-        assert isinstance(attempt(MILL, program.encode(), CompensationOptions()), GcodeError)
+        options = CompensationOptions(work_offset_mm=offset_mm)
+        assert isinstance(attempt(MILL, program.encode(), options), GcodeError)
     else:
-        check(MILL, program, tmp_path, passed)
+        check(MILL, program, tmp_path, offset_mm, passed)
 
 
 @settings(max_examples=200)

@@ -194,7 +194,12 @@ def test_work_offset_home_and_inches(tmp_path):
     assert result.max_error_um_before > 500.0
     assert result.max_error_um_after < 5.0
     # With another offset it is another place, and the correction is wrong there.
-    assert compare_paths(machine, program, output, home_mm=(0.0, 0.0, 350.0)).max_error_um_after > 20.0
+    other = {**places, "work_offset_mm": (0.0, 0.0, 1.0)}
+    assert compare_paths(machine, program, output, **other).max_error_um_after > 20.0
+    # Without any, G53 tells nothing of where the program's words are.
+    with pytest.raises(GcodeError) as refused:
+        compare_paths(machine, program, output, home_mm=(0.0, 0.0, 350.0))
+    assert str(refused.value.remedy).endswith("and --work-offset where it was given one")
 
 
 def test_a_home_that_only_the_correction_was_told_is_named(tmp_path):
@@ -594,6 +599,34 @@ def test_a_move_in_one_piece_asks_for_no_firmware(tmp_path):
     assert compare_paths(wavy(), program, output).moves_with_other_extrusion == 0
 
 
+def test_a_code_for_the_end_of_a_move_is_not_at_the_end_of_its_first_piece(tmp_path):
+    """What `compensate` once wrote: the spindle stops in the middle of the cut."""
+    text = "G1 X20 Y20 Z5 F3000\nG1 X300.5 M5\n"
+    program, output = written(tmp_path, text), tmp_path / "out.gcode"
+    with pytest.raises(GcodeError, match="M5 on its line is or may be meant for its end"):
+        compensate_program(wavy(), program, output)
+    compensate_program(wavy(), written(tmp_path, text.replace(" M5", " M3"), "other.gcode"), output)
+    early = written(tmp_path, output.read_text().replace("M3", "M5"), "early.gcode")
+    with pytest.raises(GcodeError, match="says M5 at the end of the first of"):
+        compare_paths(wavy(), program, early)
+
+
+def test_a_tool_length_that_ends_is_no_matter_until_something_moves(tmp_path):
+    lines = "G0 X0 Y0 Z2\nG43 H1 Z5\nG1 X50\nG1 X60\nG49\n"
+    offset_mm = (0.0, 0.0, 1.0)
+    ended = written(tmp_path, f"{lines}M30\n")
+    assert compare_paths(model(SMALL), ended, ended, work_offset_mm=offset_mm).moves_compared == 2
+    # The machine's own coordinates have no tool length in them, the program's have.
+    moved = written(tmp_path, f"{lines}G53 G1 X70\nG1 X80\nG43 H1\nG1 X5 Y5 Z5\nG1 X6\n", "moved.gcode")
+    assert compare_paths(model(SMALL), moved, moved, work_offset_mm=offset_mm).moves_compared == 3
+
+
+def test_a_rapid_to_the_end_of_an_axis_is_not_compared(tmp_path):
+    end_mm = model(SMALL).machine.axes["x"].range_mm[1]
+    program = written(tmp_path, f"G0 X0 Y0 Z0\nG53 G0 X{end_mm}\nG0 Y5\nG0 X10\nG0 X20\n")
+    assert compare_paths(model(SMALL), program, program, work_offset_mm=(0.0, 0.0, 1.0)).moves_compared == 1
+
+
 @pytest.mark.parametrize(
     ("line", "firmware", "is_compared"),
     [
@@ -611,6 +644,23 @@ def test_a_move_in_one_piece_asks_for_no_firmware(tmp_path):
         ("G20", "klipper", False),
         ("G20", "marlin", True),
         ("G21", "klipper", True),
+        ("G1 X40 G4 P1", None, False),
+        ("G4 X40", None, True),
+        ("#CS ON [0,0,0,0,0,30]", None, False),
+        ("#CS ON [0,0,0,0,0,30]", "marlin", True),
+        ("#Layer", None, True),
+        ("L100 P3", None, False),
+        ("G54 P3", None, False),
+        ("G54 G64 P.1", None, True),
+        ("G15 H1", None, False),
+        ("D1", None, False),
+        ("D0", None, True),
+        ("G70", None, False),
+        ("G53 G0 X60", None, False),
+        ("G0 G17 G80", None, True),
+        ("G52 X0", None, True),
+        ("G92.1", None, True),
+        ("G92 X0\nG92.1", None, False),
     ],
 )
 def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_compared):

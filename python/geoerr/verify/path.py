@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from geoerr.arguments import check_choice, check_threads
 from geoerr.errors import GeoerrError
+from geoerr.machine import AXES
 from geoerr.model import Model
 from geoerr.model.arrays import Triple, triple_mm
 from geoerr.model.called import check_model
@@ -189,9 +190,11 @@ def compare_paths(
     _check_arguments(work_offset_mm, home_mm, firmware, sample_step_mm, threads)
     machine = ProgramMachine(model, at, threads)
     options = work_offset_mm, home_mm, firmware
+    ranges_mm = [model.machine.axes[axis].range_mm for axis in AXES]
     # How a place is come to is the program's, not the correction's.
-    reader_in = ProgramReader(before, *options, windups=machine.windups if machine.follows_motion else None)
-    reader_out = ProgramReader(after, *options, windups=None)
+    windups = machine.windups if machine.follows_motion else None
+    reader_in = ProgramReader(before, *options, windups=windups, ranges_mm=ranges_mm)
+    reader_out = ProgramReader(after, *options, windups=None, ranges_mm=ranges_mm)
     in_figures, out_figures = _Figures(), _Figures()
     tally = Tally()
     for batch in _batches(paired_runs(reader_in, reader_out)):

@@ -86,7 +86,9 @@ def _number(reader: ProgramReader, line: Line | None) -> int:
 
 def _remedy(reader_in: ProgramReader) -> str:
     """Say what to give; behind homing nothing is known of the moves of a program that `--home` was corrected with."""
-    return f"{REMEDY}, and --home where it was given one" if reader_in.lacks_home else REMEDY
+    lacking = [("--home", reader_in.lacks_home), ("--work-offset", reader_in.lacks_zero)]
+    options = " and ".join(option for option, lacks in lacking if lacks)
+    return f"{REMEDY}, and {options} where it was given one" if options else REMEDY
 
 
 def further_pieces(actual_mm: Iterable[Numbers], end_mm: Triple) -> int:

@@ -24,6 +24,8 @@ _Places: TypeAlias = npt.NDArray[np.int64]
 
 # Each leaves as much of the last change as errors change by a millimetre of travel: under a hundredth.
 _PLACE_STEPS = 4
+# Spindle and coolant on, and how E is read: these hold from the begin of a move, other M codes may wait for its end.
+_FROM_THE_BEGIN = frozenset(("M3", "M4", "M7", "M8", "M13", "M14", "M82", "M83"))
 # Commands whose places are worked out at first, where a move may have further pieces: most have none.
 _FIRST_LOOK = 2
 
@@ -166,7 +168,16 @@ def _shares(
 
 
 def _refuse_other_words(program: Path, move: Move, pieces: Sequence[Move], numbers: Sequence[int]) -> None:
-    """Refuse a piece that says something else than its move, of a laser's power say: the first says it for all."""
+    """Refuse a piece that says something else than its move, of a laser's power say: the first says it for all.
+
+    What may be meant for the end of a move, as a spindle that is switched off, no piece can say.
+    """
+    at_end = [said for said in move.others if said.startswith("M") and said not in _FROM_THE_BEGIN]
+    if at_end and len(pieces) > 1:
+        problem = (
+            f"says {at_end[0]} at the end of the first of {len(pieces)} pieces, and may mean the end of the move"
+        )
+        raise GcodeError(program, numbers[0], problem, remedy=REMEDY)
     for piece, number in zip(pieces, numbers, strict=True):
         wanted = move.others if number == numbers[0] else ()
         if piece.others not in (move.others, wanted):

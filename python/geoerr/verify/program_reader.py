@@ -37,6 +37,12 @@ _MOVE_LETTERS = frozenset((*_LETTERS, b"E", b"F", b"S", b"T")) | _OTHER_AXES
 _PARAMETERS = frozenset((b"D", b"H", b"L", b"P", b"Q"))
 _TAKES_PARAMETERS = frozenset((40.0, 41.0, 41.1, 42.0, 42.1, 43.0, 64.0))
 _PATH_LETTERS = frozenset((*_LETTERS, b"E", b"F"))
+# What the cycles of lathes (blocks, allowances) and mills (places of holes) have.
+_CYCLE_WORDS = frozenset((b"P", b"I", b"J", b"K", b"R")) | _OTHER_AXES
+# Stands for all coordinate systems that are not followed.
+_FURTHER_SYSTEM = 7
+# What is this near to the end of an axis is at it.
+_EDGE_MM = 1e-9
 _UNKNOWN: Place = (None, None, None)
 _INCH_MM = 25.4
 # Those that read programs differently.
@@ -47,6 +53,8 @@ _NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 
 # G codes that say nothing about where the machine is.
 _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
+# G codes that set, end, or take up again a shift of the program's zero besides G92.
+_SHIFTS = frozenset((52.0, 92.1, 92.2, 92.3))
 # G codes whose words are times or settings.
 _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # A move that a probe ends, and macros: where they go is not in the program.
@@ -215,6 +223,10 @@ class _Modes:
     feed_override: float = 1.0
     kept_override: float = 1.0
     tool_length: float | None = None
+    # Siemens' D, whose length counts where the program has no G43.
+    tool_edge: int | None = None
+    # Behind G49 or D0 no word means what it did; what does not move does not matter.
+    has_lost_length: bool = False
     has_saved_place: bool = False
     system: int = 1
 
@@ -238,6 +250,8 @@ class ProgramReader:
         `marlin`, `klipper` or `reprapfirmware`: how E is read; None: not known, and Marlin's way is told.
     windups
         Axis and length of each wind-up of the machine, as of `Past`; None to follow no motion.
+    ranges_mm
+        Ends of each axis; None: not known.
 
     Attributes
     ----------
@@ -247,6 +261,8 @@ class ProgramReader:
         Lines that move and are no straight move to a known place, and the first of them (0: none).
     lacks_home
         Whether the program homed, and where that leaves the machine was not told.
+    lacks_zero
+        Whether the program has machine coordinates, and where its zero is in them was not told.
     """
 
     def __init__(
@@ -256,12 +272,14 @@ class ProgramReader:
         home_mm: Triple | None = None,
         firmware: str | None = None,
         windups: Sequence[tuple[int, float]] | None = (),
+        ranges_mm: Sequence[tuple[float, float]] | None = None,
     ) -> None:
         self.path = Path(path)
         self.n_lines = 0
         self.n_moves = 0
         self.n_not_followed = self.first_not_followed = 0
         self.lacks_home = False
+        self.lacks_zero = False
         self._home_mm = home_mm
         self._firmware = firmware
         self._extruder = _Extruder(firmware)
@@ -270,6 +288,12 @@ class ProgramReader:
         self._is_on_path = False
         self._past = None if windups is None else Past(windups)
         self._shift: Place = (0.0, 0.0, 0.0)
+        self._shifted = [False, False, False]
+        self._ranges_mm = ranges_mm
+        # Whether the line's word selects a coordinate system that is not followed.
+        self._is_elsewhere = False
+        # Where a mill's zero is nobody knows by itself; printers count from the machine's.
+        self._zero_is_told = [firmware is not None or work_offset_mm != (0.0, 0.0, 0.0)] * 3
         self._systems: dict[int, Place] = {1: work_offset_mm}
         self._zero: Place = work_offset_mm
         self._n_tape_marks = 0
@@ -311,7 +335,8 @@ class ProgramReader:
                 self._pass_over()
             return None
         plain = _PLAIN_MOVE.fullmatch(body)
-        if plain is not None and not self._modes.transforms and not self._modes.is_inverse_time:
+        modes = self._modes
+        if plain is not None and not (modes.transforms or modes.is_inverse_time or modes.has_lost_length):
             return self._plain_move(plain)
         return self._take(read_statement(body, is_for_printer=self._firmware is not None))
 
@@ -346,7 +371,9 @@ class ProgramReader:
 
     def _ends_here(self, statement: Statement) -> bool:
         """Tell whether a line is not run as it stands by the firmware that was named, or changes what words mean."""
-        if not _OTHER_MEANING.isdisjoint(statement.codes):
+        if not _OTHER_MEANING.isdisjoint(statement.codes) or _is_unit_or_cycle(statement):
+            return True
+        if statement.calls and self._modes.motion != "ends somewhere":
             return True
         # Klipper and Marlin run the first code alone; Klipper stops at inches.
         is_cut = self._firmware in ("klipper", "marlin") and len(statement.codes) + len(statement.m_codes) > 1
@@ -366,8 +393,12 @@ class ProgramReader:
         words = statement.words or {}
         for code in statement.m_codes:
             self._m_code(code)
-        owners = [code for code in statement.codes if not self._take_mode(code, words)]
-        if _motions_disagree(statement.codes) or not statement.is_readable:
+        codes = _without_idle_end(statement.codes, words)
+        owners = [code for code in codes if not self._take_mode(code, words)]
+        self._is_elsewhere = not owners and _selects_by_word(statement)
+        if not owners:
+            self._other_controls(statement, words)
+        if _motions_disagree(codes) or not statement.is_readable:
             # Which of two motion codes holds, controllers do not agree on; nor what stands behind an odd byte.
             self._forget()
         if not owners:
@@ -377,6 +408,28 @@ class ProgramReader:
         elif statement.is_readable:
             return self._moves(statement, words)
         return None
+
+    def _other_controls(self, statement: Statement, words: dict[bytes, float | None]) -> None:
+        """Take over what words beside a code, or alone, mean to controls that few programs are for."""
+        modes = self._modes
+        if self._is_elsewhere:
+            modes.system = _FURTHER_SYSTEM
+            self._find_zero()
+        number = words.get(b"D")
+        is_alone = not statement.codes and words.keys() <= frozenset((b"D", b"F", b"S", b"T"))
+        if number is not None and is_alone and self._firmware is None and modes.tool_length is None:
+            self._take_edge(int(max(number, 0.0)))
+
+    def _take_edge(self, edge: int) -> None:
+        modes = self._modes
+        if modes.tool_edge is None and edge:
+            modes.tool_edge = edge
+            self._forget_height()
+        elif modes.tool_edge is not None:
+            modes.has_lost_length = not edge
+            if edge and edge != modes.tool_edge:
+                modes.tool_edge = edge
+                self._lose_zero()
 
     def _moves(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
         if any(letter in words for letter in _LETTERS):
@@ -394,6 +447,9 @@ class ProgramReader:
     def _motion(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
         modes = self._modes
         in_machine = 53.0 in statement.codes
+        if modes.has_lost_length and not in_machine:
+            self._lose_zero()
+            return None
         has_numbers = _has_numbers(words)
         known = _MOVE_LETTERS | (_PARAMETERS if _TAKES_PARAMETERS & set(statement.codes) else frozenset())
         is_odd = modes.motion == "straight" and not words.keys() <= known
@@ -409,9 +465,18 @@ class ProgramReader:
             return None
         extrusion = self._extruder.move(words.get(b"E"))
         x, y, z = (words.get(letter) for letter in _LETTERS)
+        if in_machine and modes.system == 1 and not all(self._zero_is_told):
+            # Words that count from another zero tell nothing of these axes.
+            self.lacks_zero = True
+            self._leave(words, [letter in words for letter in _LETTERS])
+            return None
         end = self._end(x, y, z, (0.0, 0.0, 0.0) if in_machine else self._origin())
         is_correctable = not _OTHER_AXES & words.keys() and not statement.has_checksum
         if modes.motion == "straight" and is_correctable and self._is_placed(statement) and not modes.is_inverse_time:
+            at_ends = [self._is_end_of_axis(axis, words.get(letter)) for axis, letter in enumerate(_LETTERS)]
+            if in_machine and modes.is_rapid and any(at_ends):
+                self._leave(words, at_ends)
+                return None
             return self._arrive(end, extrusion, _others(statement, words))
         self.n_moves += 1
         self._pass_over()
@@ -423,6 +488,23 @@ class ProgramReader:
         """Count a line of which nobody can say where its move ends, or that it goes there straight."""
         self.n_not_followed += 1
         self.first_not_followed = self.first_not_followed or self.n_lines
+
+    def _is_end_of_axis(self, axis: int, word: float | None) -> bool:
+        """Tell whether a machine coordinate is the end of an axis, where a correction has no travel."""
+        ends_mm = () if self._ranges_mm is None else self._ranges_mm[axis]
+        return word is not None and any(abs(word * self._modes.unit_mm - end_mm) <= _EDGE_MM for end_mm in ends_mm)
+
+    def _leave(self, words: dict[bytes, float | None], left: list[bool]) -> None:
+        """Move in machine coordinates as the line says; some axes are not followed any more."""
+        self.n_moves += 1
+        place = list(self._place)
+        for axis, letter in enumerate(_LETTERS):
+            word = words.get(letter)
+            if left[axis] or word is not None:
+                place[axis] = None if left[axis] or word is None else word * self._modes.unit_mm
+        self._place = (place[0], place[1], place[2])
+        self._is_on_path = False
+        self._forget_past(left)
 
     def _take_feed(self, feed: float | None) -> None:
         # Marlin passes F0 over.
@@ -454,7 +536,7 @@ class ProgramReader:
     def _is_placed(self, statement: Statement) -> bool:
         """Tell whether the coordinate systems that a line selects, if it does, have places that are known."""
         selected = (_system_of(code) for code in statement.codes if _selects_system(code))
-        return all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
+        return not self._is_elsewhere and all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
     def _arrive(self, end: Place, extrusion: tuple[int, bool], others: tuple[str, ...] = ()) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
@@ -554,18 +636,23 @@ class ProgramReader:
     def _tool_length(self, code: float, number: float | None) -> None:
         modes = self._modes
         length = -1.0 if number is None else number
-        if modes.tool_length is not None and (code == 49.0 or modes.tool_length != length):
+        modes.has_lost_length = code == 49.0 and modes.tool_length is not None
+        if code == 49.0:
+            return
+        if modes.tool_length is None:
+            self._forget_height()
+        elif modes.tool_length != length:
             self._lose_zero()
-        elif code == 43.0 and modes.tool_length is None:
-            self._place = (self._place[0], self._place[1], None)
-            self._is_on_path = False
-            self._forget_past([False, False, True])
-        if code == 43.0:
-            modes.tool_length = length
+        modes.tool_length = length
+
+    def _forget_height(self) -> None:
+        self._place = (self._place[0], self._place[1], None)
+        self._is_on_path = False
+        self._forget_past([False, False, True])
 
     def _owned(self, owners: list[float], statement: Statement, words: dict[bytes, float | None]) -> None:
         code = owners[0]
-        if len(owners) > 1 or code == 52.0 or 92.0 < code < 93.0:
+        if len(owners) > 1 or self._loses_shift(code, statement, words):
             self._lose_zero()
         elif code in (10.0, 92.0):
             sets_zero = code == 92.0 or words.get(b"L") == 2.0
@@ -580,13 +667,17 @@ class ProgramReader:
             self._home([letter in words for letter in _LETTERS], is_sure=b"O" not in words)
         elif code == 28.0:
             self._lose_zero()
-        elif code not in _OWN_WORDS:
+        elif code not in _SHIFTS and (code not in _OWN_WORDS or _moves_besides(code, statement, words)):
             self._forget()
             if code in _UNSEEN:
                 self._pass_over()
         if 93.0 in statement.codes or not self._is_placed(statement):
             self._forget()
         self._find_zero()
+
+    def _loses_shift(self, code: float, statement: Statement, words: dict[bytes, float | None]) -> bool:
+        """Tell whether a code leaves a shift that is not followed; to end one where none holds does nothing."""
+        return code in _SHIFTS and not (statement.is_readable and _ends_shift(code, words) and not any(self._shifted))
 
     def _shift_zero(self, words: dict[bytes, float | None]) -> None:
         if not words or not _has_numbers(words):
@@ -600,6 +691,7 @@ class ProgramReader:
         for axis, letter in enumerate(_LETTERS):
             word, here, zero = words.get(letter), self._place[axis], system[axis]
             if letter in words:
+                self._shifted[axis] = True
                 shift[axis] = None
                 if word is not None and here is not None and zero is not None:
                     shift[axis] = here - zero - word * self._modes.unit_mm
@@ -623,6 +715,7 @@ class ProgramReader:
                 word = words.get(letter)
                 if word is not None:
                     place[axis] = word * self._modes.unit_mm
+                    self._zero_is_told[axis] |= number == 1
             if number < 7:
                 self._systems[number] = (place[0], place[1], place[2])
         elif kind in (2.0, 20.0) or (has_axes and kind not in (1.0, 10.0, 11.0)):
@@ -636,6 +729,7 @@ class ProgramReader:
                 place[axis] = self._home_mm[axis] if is_sure and self._home_mm is not None else None
                 if self._firmware is not None:
                     shift[axis] = 0.0
+                    self._shifted[axis] = False
         self._place = (place[0], place[1], place[2])
         self._forget_past([name or not any(named) for name in named])
         self._shift = (shift[0], shift[1], shift[2])
@@ -685,6 +779,7 @@ class ProgramReader:
     def _lose_zero(self) -> None:
         self._forget()
         self._shift = self._zero = _UNKNOWN
+        self._shifted = [True, True, True]
 
 
 def _motion_of(code: float) -> Motion | None:
@@ -705,7 +800,47 @@ def _selects_system(code: float) -> bool:
 
 def _system_of(code: float) -> int:
     """Give the number of a coordinate system: 1 is G54; 7 stands for G59.1 to G59.3, which are not followed."""
-    return int(code) - 53 if code == int(code) else 7
+    return int(code) - 53 if code == int(code) else _FURTHER_SYSTEM
+
+
+def _selects_by_word(statement: Statement) -> bool:
+    """Tell whether a word beside a code selects a further system: `G54 P3` (Fanuc), `G15 H1` (Okuma)."""
+    words, codes = statement.words or {}, statement.codes
+    by_number = b"P" in words and 54.0 in codes and 64.0 not in codes
+    return by_number or (b"H" in words and 15.0 in codes and not any(43.0 <= code < 45.0 for code in codes))
+
+
+def _is_unit_or_cycle(statement: Statement) -> bool:
+    """Tell whether G70 or G71 stands without words of a cycle: units, to Siemens' and Heidenhain's controls."""
+    return not {70.0, 71.0}.isdisjoint(statement.codes) and not _CYCLE_WORDS & (statement.words or {}).keys()
+
+
+def _moves_besides(code: float, statement: Statement, words: dict[bytes, float | None]) -> bool:
+    """Tell whether a dwell or a stored place has words that may move; X alone is the time of Fanuc's dwell."""
+    has_motion_code = any(_motion_of(other) not in (None, "none") for other in statement.codes)
+    is_time = code == 4.0 and not has_motion_code and 53.0 not in statement.codes
+    moving = words.keys() & frozenset((*_LETTERS, b"E", *_OTHER_AXES))
+    return bool(moving) and not (is_time and words.keys().isdisjoint((b"Y", b"Z", b"E", b"P")))
+
+
+def _ends_shift(code: float, words: dict[bytes, float | None]) -> bool:
+    """Tell whether a code ends a shift and does nothing else: where none holds, nothing happens."""
+    named = words.keys() & frozenset(_LETTERS)
+    is_all_zero = code == 52.0 and bool(named) and all(words[letter] == 0.0 for letter in named)
+    return not words.keys() & _OTHER_AXES and (is_all_zero or (code in (92.1, 92.2) and not named))
+
+
+def _without_idle_end(codes: tuple[float, ...], words: dict[bytes, float | None]) -> tuple[float, ...]:
+    """Leave out a G80 behind G0 or G1 on a line without motion: it ends a cycle, and they hold on."""
+    if words.keys() & (_CYCLE_WORDS | frozenset((*_LETTERS, b"E"))) - {b"P"}:
+        return codes
+    kept: list[float] = []
+    motion = None
+    for code in codes:
+        if code != 80.0 or motion != "straight":
+            kept.append(code)
+            motion = _motion_of(code) or motion
+    return tuple(kept)
 
 
 def _others(statement: Statement, words: dict[bytes, float | None]) -> tuple[str, ...]:

@@ -38,6 +38,10 @@ _TRANSFORMING_NAMES = re.compile(
     rb"A?(?:TRANS|ROTS?|SCALE|MIRROR)|CROTS|CYCLE800|MCALL|TRAANG|TRACYL|TRAFOO[FN]|TRANSMIT|TRAORI|TOFRAME|TOROT",
     re.IGNORECASE,
 )
+# `#CS ON` and others of Beckhoff's (ISG) and Fagor's controls: frames, machine coordinates, calls. Others are text.
+_INSTRUCTIONS = re.compile(
+    rb"#(?:E?CS|[AMW]CS|AKIMA|[MP]?CALL|CYL|FACE|KIN|PRESET|PSET|ROTATION|RTCP|SPLINE|TLC|TRAFO)(?!\w)", re.IGNORECASE
+)
 # `O1234 (PART)`: the number of a program, or where a subprogram begins.
 _PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -84,6 +88,8 @@ class Statement:
         Whether it ends with a checksum, which a correction would make wrong.
     is_single
         Whether no letter that matters for a move stands twice.
+    calls
+        Whether it begins with an L and a number: outside of a cycle the call of a subprogram, `L100 P3`.
     """
 
     kind: Kind
@@ -94,6 +100,7 @@ class Statement:
     is_single: bool = True
     has_placeholder: bool = False
     has_checksum: bool = False
+    calls: bool = False
 
 
 _STILL = Statement(Kind.STILL)
@@ -109,6 +116,8 @@ def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
     begin = _BEGIN.match(body)
     is_skipped = begin is not None and (begin.group(1) is not None or begin.group(2) is not None)
     rest = body if begin is None else body[begin.end() :]
+    if not is_for_printer and _INSTRUCTIONS.match(rest):
+        return _BRANCH
     if not rest or rest.startswith(b";") or _TEXT.match(rest):
         return _STILL
     if rest.startswith(b"%"):
@@ -154,7 +163,7 @@ def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement
     if statement.kind is Kind.M_CODE and not is_for_printer and _may_move(statement, is_computed=is_computed):
         return _ANYWHERE
     has_axes = bool({b"X", b"Y", b"Z"} & (statement.words or {}).keys())
-    if statement.kind is Kind.WORDS and is_skipped and (statement.codes or has_axes):
+    if statement.kind is Kind.WORDS and is_skipped and (statement.codes or has_axes) and not statement.calls:
         # Whether it runs is decided at the machine; a mode that may not hold spoils everything behind it.
         return _ANYWHERE if all(code in (0.0, 1.0) for code in statement.codes) else _BRANCH
     return statement
@@ -190,4 +199,5 @@ def _sorted(pairs: list[tuple[bytes, bytes]], *, is_readable: bool) -> Statement
     kind = Kind.WORDS
     if begins_with_m and not codes and m_codes[0] not in _MACHINING_CODES:
         kind = Kind.M_CODE
-    return Statement(kind, tuple(codes), tuple(m_codes), words, is_readable, is_single)
+    calls = bool(pairs) and pairs[0][0] in b"lL" and bool(pairs[0][1])
+    return Statement(kind, tuple(codes), tuple(m_codes), words, is_readable, is_single, calls=calls)

@@ -10,6 +10,7 @@ use super::reader::{AXIS_LETTERS, Move};
 use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::resting::Resting;
 use super::unsupported::Unsupported;
+use super::words::said_for_the_end;
 use super::writer::{SourceLine, Writer};
 
 /// A move on its way out.
@@ -155,11 +156,13 @@ impl BlockWriter {
         if let Some(node) = nodes.iter().find(|node| !is_in_reach(node, reach_mm)) {
             return Err(out_of_reach(node, reach_mm, options, line, body));
         }
-        if let (Some(what), [_, .., end]) = (cannot_be_split(a_move), nodes) {
+        if let [_, .., end] = nodes
+            && let Some(what) = cannot_be_split(a_move, body)
+        {
             if options.on_unsupported == OnUnsupported::Refuse {
                 return Err(GcodeError::Unsupported { line, text: excerpt(body), what });
             }
-            self.warnings.add(WarningKind::NotSplit, line, body);
+            self.warnings.add(WarningKind::NotSplit(what), line, body);
             nodes = std::slice::from_ref(end);
         }
         let begin = self.draft.length();
@@ -238,11 +241,13 @@ fn out_of_reach(
 }
 
 /// Why a move can only be written in one piece.
-fn cannot_be_split(a_move: &Move) -> Option<Unsupported> {
+fn cannot_be_split(a_move: &Move, body: &[u8]) -> Option<Unsupported> {
     match a_move.share {
         Share::Unclear => Some(Unsupported::ExtruderMode),
         Share::Lost => Some(Unsupported::ExtruderLost),
-        _ if a_move.text.stops => Some(Unsupported::StopOnMove),
+        _ if a_move.text.stops => {
+            said_for_the_end(body).map(|(letter, code10)| Unsupported::StopOnMove { letter, code10 })
+        }
         _ => None,
     }
 }

@@ -9,6 +9,9 @@ pub enum Code {
     Straight,
     /// A motion code that is not corrected; it holds until the next motion code.
     OtherMotion(Unsupported),
+    /// `G70`, `G71` without words of a cycle: inches and millimetres of Siemens' and Heidenhain's controls, or a cycle that
+    /// is told elsewhere.
+    UnitOrCycle,
     /// `G80`: no motion code holds.
     NoMotion,
     /// `G4`: words are times.
@@ -173,6 +176,36 @@ fn is_transformation(name: &[u8]) -> bool {
 }
 
 impl Macro {
+    /// An instruction of the controls of Beckhoff (ISG) and Fagor by its name behind `#`: `#CS ON` turns and moves the
+    /// program's zero, `#MCS ON` counts from the machine's. What changes none of this is taken for a comment.
+    pub fn of_instruction(name: &[u8]) -> Self {
+        const TRANSFORMATIONS: [&[u8]; 16] = [
+            b"ACS",
+            b"AKIMA",
+            b"CS",
+            b"CYL",
+            b"ECS",
+            b"FACE",
+            b"KIN",
+            b"MCS",
+            b"PRESET",
+            b"PSET",
+            b"ROTATION",
+            b"RTCP",
+            b"SPLINE",
+            b"TLC",
+            b"TRAFO",
+            b"WCS",
+        ];
+        let name = name.to_ascii_uppercase();
+        match name.as_slice() {
+            b"VOLCOMP" => Self::FirmwareCorrection,
+            b"CALL" | b"MCALL" | b"PCALL" => Self::FlowControl,
+            other if TRANSFORMATIONS.contains(&other) => Self::Transforms,
+            _ => Self::Harmless,
+        }
+    }
+
     /// By its name.
     pub fn of(name: &[u8]) -> Self {
         if is_branch(name) {

@@ -77,6 +77,8 @@ pub enum Head {
     Percent,
     /// A word of several letters, such as `START_PRINT`: its name.
     Macro(Span),
+    /// `#CS ON`, an instruction of the controls of Beckhoff (ISG) and Fagor: its name. Everywhere else a comment.
+    Instruction(Span),
     /// An `O` word: subprograms, loops, branches.
     Subprogram,
     /// Letters with numbers.
@@ -169,6 +171,10 @@ impl Line {
                         return self.give_up(at);
                     }
                     at = behind;
+                }
+                b'#' if self.head == Head::Empty && body.get(at + 1).is_some_and(u8::is_ascii_alphabetic) => {
+                    self.head = Head::Instruction(name(body, at + 1));
+                    return;
                 }
                 b'#' => {
                     // `# text`, alone on a line, is how Klipper's own files comment.
@@ -375,6 +381,7 @@ mod tests {
             let Head::Macro(name) = lexed(text).head else { panic!("{text}") };
             assert_eq!(name.end - name.start, length);
         }
+        assert_eq!(lexed("N10 #CS ON [0,0,0,0,0,30]").head, Head::Instruction(Span { start: 5, end: 7 }));
         assert!(lexed("#1=5").has_parameter && lexed("#<depth>=5").has_parameter);
         assert!(!lexed("# X5 to the left").has_parameter && lexed("G1 X5 # left").has_parameter);
         for text in ["/G1 X5", "/1 G1 X5", "N7 /G1 X5", "/ 2 N7 G1 X5", "/3G1X5"] {

@@ -16,7 +16,8 @@ pub enum OnUnsupported {
 /// Everything the rewriting depends on besides the model and the program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// From the machine's zero to the program's (`G54`).
+    /// From the machine's zero to the program's (`G54`). Where all are 0 and no firmware is named, it is taken for the
+    /// machine's, but `G53` is not relied on.
     pub work_offset_mm: [f64; 3],
     /// Largest distance of the actual from the ideal path.
     pub tolerance_mm: f64,

@@ -19,10 +19,14 @@ pub enum WarningKind {
     Placeholder,
     /// Moves before the position is known.
     PositionUnknown,
+    /// `G53`, where the program's zero is not told.
+    ZeroNotTold,
+    /// A rapid in machine coordinates to the end of an axis.
+    EndOfAxis,
     /// Errors held beyond their measured range.
     OutsideMeasured,
-    /// A move that had to stay whole because of its `E`.
-    NotSplit,
+    /// A move that had to stay whole because of its `E`, or of a code that is meant for its end.
+    NotSplit(Unsupported),
     /// Firmwares read an `E` differently.
     ExtrusionUnclear,
     /// Another tool.
@@ -50,8 +54,10 @@ impl WarningKind {
             Self::MayMove => "may-move",
             Self::Placeholder => "placeholder",
             Self::PositionUnknown => "position-unknown",
+            Self::ZeroNotTold => "zero-not-told",
+            Self::EndOfAxis => "end-of-axis",
             Self::OutsideMeasured => "outside-measured",
-            Self::NotSplit => "not-split",
+            Self::NotSplit(_) => "not-split",
             Self::ExtrusionUnclear => "extrusion-unclear",
             Self::OtherTool => "other-tool",
             Self::DirectionUnknown => "direction-unknown",
@@ -65,7 +71,7 @@ impl WarningKind {
     /// What it means, and what to do where there is something to do.
     pub fn explanation(&self) -> String {
         match self {
-            Self::Passed(what @ Unsupported::Arc { .. }) => format!(
+            Self::Passed(what @ (Unsupported::Arc { .. } | Unsupported::Helix { .. })) => format!(
                 "{what}: passed through untouched; it begins where the corrected move before it ended, which a controller that checks radii may refuse"
             ),
             Self::Passed(what) if what.after() == After::EverythingLost => {
@@ -78,8 +84,10 @@ impl WarningKind {
             Self::MayMove => "may move the machine: moves after it pass through untouched until X, Y and Z are all given again".to_owned(),
             Self::Placeholder => "a placeholder that the slicer did not fill in: passed through untouched".to_owned(),
             Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),
+            Self::ZeroNotTold => "machine coordinates, and where the program's zero lies in them is not told: passed through untouched, and so are moves after it until the axes that it names are given again; --work-offset tells it (0,0,0 counts as not told)".to_owned(),
+            Self::EndOfAxis => "a rapid to the end of an axis, where a correction has no travel: passed through untouched, and so are moves after it until that axis is given again".to_owned(),
             Self::OutsideMeasured => "outside the measured range: the last measured errors are held".to_owned(),
-            Self::NotSplit => "corrected at its end but not split, because firmwares read its E differently (--firmware)".to_owned(),
+            Self::NotSplit(what) => format!("{what}: it stays whole, corrected at its end alone; {}", what.remedy()),
             Self::ExtrusionUnclear => "firmwares read its E differently, as a position or as an increment: the extruded lengths are those of Marlin's reading; --firmware says whose they are to be".to_owned(),
             Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
             Self::TurnedAtRest => "an axis rests in the program, and its correction moves it back from where it came by more than the tolerance: if that is more than its play, it lies on the other side of it then, and is off by up to the play".to_owned(),
@@ -92,7 +100,9 @@ impl WarningKind {
 
     fn is_like(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Passed(a), Self::Passed(b)) => std::mem::discriminant(a) == std::mem::discriminant(b),
+            (Self::Passed(a), Self::Passed(b)) | (Self::NotSplit(a), Self::NotSplit(b)) => {
+                std::mem::discriminant(a) == std::mem::discriminant(b)
+            }
             _ => std::mem::discriminant(self) == std::mem::discriminant(other),
         }
     }

@@ -11,6 +11,12 @@ pub enum Unsupported {
         /// Code.
         code10: u32,
     },
+    /// `G2`, `G3` with Z alone, as slicers lift the nozzle.
+    #[error("a helix ({}) that ends above or below its begin is not corrected", code(.code10))]
+    Helix {
+        /// Code.
+        code10: u32,
+    },
     /// `G5`, `G5.1`, `G5.2`, `G6`.
     #[error("a spline ({}) is not corrected", code(.code10))]
     Spline {
@@ -20,6 +26,12 @@ pub enum Unsupported {
     /// `G70` to `G89`.
     #[error("a canned cycle ({}) moves the machine in ways that its line does not show", code(.code10))]
     CannedCycle {
+        /// Code.
+        code10: u32,
+    },
+    /// `G70`, `G71` without words of a cycle.
+    #[error("{} is {} for some controls and a canned cycle for others", code(.code10), if *.code10 == 700 { "inches" } else { "millimetres" })]
+    UnitOrCycle {
         /// Code.
         code10: u32,
     },
@@ -55,6 +67,14 @@ pub enum Unsupported {
     OtherToolLength {
         /// Code.
         code10: u32,
+    },
+    /// A second edge of a tool (Siemens' `D2`), or its end.
+    #[error(
+        "D{number} changes the tool length, and with it the machine position, by a number the program does not tell"
+    )]
+    OtherEdge {
+        /// Number of the edge.
+        number: u32,
     },
     /// A word of an axis that the model does not have.
     #[error("the word {} moves an axis that the model of three axes does not have", char::from(*.letter))]
@@ -128,6 +148,12 @@ pub enum Unsupported {
     /// Two codes that both want the line's words, such as `G92 X0 G28`.
     #[error("two codes on one line want its words")]
     TwoOwners,
+    /// `G4` or `G28.1` with axis words that are no times.
+    #[error("whether {} with axis words also moves, controllers differ on", code(.code10))]
+    MoveBesides {
+        /// Code.
+        code10: u32,
+    },
     /// `/` before a move.
     #[error("whether a line that begins with / runs is decided at the machine")]
     BlockSkip,
@@ -148,11 +174,14 @@ pub enum Unsupported {
     /// A move that must be split, with an absolute `E` behind a change of the tool.
     #[error("the move must be split, and where its E begins nobody has said since the tool was changed")]
     ExtruderLost,
-    /// A move that must be split, with a stop on its line.
-    #[error(
-        "the move must be split, and what its line says besides (M0, M1, M2, M30, M60, G9) is meant for its end"
-    )]
-    StopOnMove,
+    /// A move that must be split, with a code on its line that is not said for its begin: `M30`, `M5`, `G9`.
+    #[error("the move must be split, and {} on its line is or may be meant for its end", named(.letter, .code10))]
+    StopOnMove {
+        /// `M` or `G`.
+        letter: u8,
+        /// Code; `u32::MAX` where it is none.
+        code10: u32,
+    },
     /// `M72`, `M121`, `RESTORE_GCODE_STATE` where other modes hold than were saved.
     #[error(
         "it takes up saved modes again (G90, M82, G20, G54, G92 ...), which are not those that hold here"
@@ -198,12 +227,17 @@ impl Unsupported {
             Self::Arc { .. } => {
                 "let the slicer or CAM write straight moves (switch arc fitting off), or pass it through untouched with --on-unsupported pass"
             }
+            Self::Helix { .. } => {
+                "choose another type of Z hop than spiral in the slicer, let the CAM write straight moves, or pass it through untouched with --on-unsupported pass"
+            }
             Self::Spline { .. } | Self::Transformed { .. } | Self::OtherMeaning | Self::ToolPoint { .. } => {
                 "let the CAM write straight moves in plain coordinates, or use --on-unsupported pass"
             }
             Self::CannedCycle { .. } => {
                 "let the CAM write the cycle out as straight moves, or use --on-unsupported pass"
             }
+            Self::UnitOrCycle { code10: 700 } => "write G20 where inches are meant",
+            Self::UnitOrCycle { .. } => "write G21 where millimetres are meant",
             Self::Thread { .. } | Self::Probing { .. } | Self::ExtraAxis { .. } => {
                 "such a line can only pass through untouched: --on-unsupported pass"
             }
@@ -211,7 +245,7 @@ impl Unsupported {
                 "let the CAM compute the path of the cutter's centre, or use --on-unsupported pass"
             }
             Self::InverseTime => "let the CAM write feeds per minute (G94), or use --on-unsupported pass",
-            Self::OtherToolLength { .. } => {
+            Self::OtherToolLength { .. } | Self::OtherEdge { .. } => {
                 "write one program for each tool and put its length into --work-offset"
             }
             Self::ZeroShift { .. } | Self::BareShift | Self::UnknownSystem { .. } => {
@@ -233,7 +267,7 @@ impl Unsupported {
             Self::AxisWordsOfM { .. } => {
                 "write the move on a line of its own, or name the firmware of the printer: --firmware marlin, klipper or reprapfirmware"
             }
-            Self::TwoMotionCodes | Self::TwoOwners | Self::SeveralCodes => {
+            Self::TwoMotionCodes | Self::TwoOwners | Self::MoveBesides { .. } | Self::SeveralCodes => {
                 "write the codes on lines of their own"
             }
             Self::BlockSkip | Self::BlockSkipOfMode => "take the / away, or the line",
@@ -242,7 +276,7 @@ impl Unsupported {
             }
             Self::ExtruderMode => "name the firmware: --firmware marlin, klipper or reprapfirmware",
             Self::ExtruderLost => "write G92 E0 behind the change of the tool, or use M83",
-            Self::StopOnMove => "write it on a line of its own behind the move",
+            Self::StopOnMove { .. } => "write it on a line of its own behind the move",
             Self::RestoredState => {
                 "write the modes that are to hold on lines of their own, before it is taken up and behind it"
             }
@@ -253,6 +287,7 @@ impl Unsupported {
     pub fn after(&self) -> After {
         match self {
             Self::Arc { .. }
+            | Self::Helix { .. }
             | Self::Spline { .. }
             | Self::InverseTime
             | Self::Thread { .. }
@@ -260,7 +295,7 @@ impl Unsupported {
             | Self::UnknownSystem { .. }
             | Self::ExtruderMode
             | Self::ExtruderLost
-            | Self::StopOnMove
+            | Self::StopOnMove { .. }
             | Self::Checksum => After::AtItsEnd,
             Self::CannedCycle { .. }
             | Self::Probing { .. }
@@ -274,17 +309,20 @@ impl Unsupported {
             | Self::Unreadable { .. }
             | Self::NoMotionCode
             | Self::TwoMotionCodes
+            | Self::MoveBesides { .. }
             | Self::BlockSkip
             | Self::AxisWordsOfM { .. }
             | Self::UnknownCode { .. } => After::Somewhere,
             Self::ToolPoint { .. }
             | Self::OtherToolLength { .. }
+            | Self::OtherEdge { .. }
             | Self::ZeroShift { .. }
             | Self::BareShift
             | Self::TwoOwners
             | Self::HomingAfterShift => After::ZeroLost,
             Self::FlowControl
             | Self::BlockSkipOfMode
+            | Self::UnitOrCycle { .. }
             | Self::OtherMeaning
             | Self::RestoredState
             | Self::SeveralCodes
@@ -294,9 +332,14 @@ impl Unsupported {
 }
 
 fn code(code10: &u32) -> String {
+    named(&b'G', code10)
+}
+
+fn named(letter: &u8, code10: &u32) -> String {
+    let letter = char::from(*letter);
     match (*code10, code10 % 10) {
-        (u32::MAX, _) => "this G code".to_owned(),
-        (whole, 0) => format!("G{}", whole / 10),
-        (whole, tenth) => format!("G{}.{tenth}", whole / 10),
+        (u32::MAX, _) => format!("this {letter} code"),
+        (whole, 0) => format!("{letter}{}", whole / 10),
+        (whole, tenth) => format!("{letter}{}.{tenth}", whole / 10),
     }
 }

@@ -86,6 +86,11 @@ impl Words {
         self.axes.iter().any(Option::is_some)
     }
 
+    /// Whether an axis or the extruder is among them.
+    pub fn has_motion(&self) -> bool {
+        self.has_axes() || self.extra_axis.is_some() || self.extruder.is_some()
+    }
+
     /// X, Y and Z in mm; the reason where one of them, or E, is no plain number.
     pub fn axes_mm(&self, unit_mm: f64) -> Result<Known, Unsupported> {
         if let Some(letter) = self.repeated {
@@ -134,7 +139,7 @@ pub struct MoveText {
     pub is_spaced: bool,
     /// Whether letters are lower case.
     pub is_lower: bool,
-    /// Whether the line says something that is meant for the end of the move: a stop, an exact stop.
+    /// Whether the line says something that is, or may be, [meant for the end](said_for_the_end) of the move.
     pub stops: bool,
 }
 
@@ -160,11 +165,26 @@ impl MoveText {
             is_spaced: line.words.len() < 2
                 || line.words.windows(2).any(|pair| pair[0].span.end < pair[1].span.start),
             is_lower: letter.is_some_and(|letter| letter.is_ascii_lowercase()),
-            stops: line.words.iter().any(|word| match (word.letter, word.code10()) {
-                (b'M', Some(code10)) => matches!(code10, 0 | 10 | 20 | 300 | 600),
-                (b'G', code10) => code10 == Some(90),
-                _ => false,
-            }),
+            stops: line.words.iter().any(is_for_the_end),
         }
+    }
+}
+
+/// The code of a move's line that is, or may be, meant for the end of the move: a stop, an exact stop, a spindle that is
+/// switched off (Fanuc's controls do so behind the move, LinuxCNC before it). The letter, and ten times the number;
+/// `u32::MAX` where it is none.
+pub fn said_for_the_end(body: &[u8]) -> Option<(u8, u32)> {
+    let mut line = Line::default();
+    line.lex(body);
+    let word = line.words.iter().find(|word| is_for_the_end(word))?;
+    Some((word.letter, word.code10().unwrap_or(u32::MAX)))
+}
+
+fn is_for_the_end(word: &Word) -> bool {
+    match word.letter {
+        // Spindle and coolant on, and how E is read: these hold from the begin.
+        b'M' => !matches!(word.code10(), Some(30 | 40 | 70 | 80 | 130 | 140 | 820 | 830)),
+        b'G' => word.code10() == Some(90),
+        _ => false,
     }
 }

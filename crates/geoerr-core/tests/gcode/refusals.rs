@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 82] = [
+    let cases: [(&str, Unsupported); 112] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -39,7 +39,10 @@ fn every_unsupported_line_has_its_reason() {
         ("G51 X2", Unsupported::Transformed { code10: 510 }),
         ("G68 X0 Y0 R45", Unsupported::Transformed { code10: 680 }),
         ("G52 X5", Unsupported::ZeroShift { code10: 520 }),
-        ("G92.1", Unsupported::ZeroShift { code10: 921 }),
+        ("G92 X5\nG92.1", Unsupported::ZeroShift { code10: 921 }),
+        ("G92 X5\nG52 X0 Y0 Z0", Unsupported::ZeroShift { code10: 520 }),
+        ("G52", Unsupported::ZeroShift { code10: 520 }),
+        ("G92.3", Unsupported::ZeroShift { code10: 923 }),
         ("G10 L20 P1 X0", Unsupported::ZeroShift { code10: 100 }),
         ("G10 P0 X5", Unsupported::ZeroShift { code10: 100 }),
         // The system that holds, or one that is added to all.
@@ -76,6 +79,39 @@ fn every_unsupported_line_has_its_reason() {
         ("RESTORE_GCODE_STATE NAME=nobody", Unsupported::RestoredState),
         ("M98 P100", Unsupported::FlowControl),
         ("while iterations < 3", Unsupported::FlowControl),
+        // A move beside a dwell: some controls dwell, some dwell and move.
+        ("G1 X400 Y400 F600 G4 P1", Unsupported::MoveBesides { code10: 40 }),
+        ("G4 P1 G1 X5", Unsupported::MoveBesides { code10: 40 }),
+        ("G4 P1 X5", Unsupported::MoveBesides { code10: 40 }),
+        ("G4 X1 Y5", Unsupported::MoveBesides { code10: 40 }),
+        ("G53 G4 X50", Unsupported::MoveBesides { code10: 40 }),
+        ("G28.1 X5", Unsupported::MoveBesides { code10: 281 }),
+        // Frames and machine coordinates of Beckhoff's, ISG's and Fagor's controls.
+        ("#CS ON [0,0,0,0,0,30]", Unsupported::OtherMeaning),
+        ("N10 #ROTATION ON [ANGLE=30]", Unsupported::OtherMeaning),
+        ("#mcs on", Unsupported::OtherMeaning),
+        ("#TRAFO ON", Unsupported::OtherMeaning),
+        ("#PSET X50", Unsupported::OtherMeaning),
+        ("#CALL S1", Unsupported::FlowControl),
+        // Subprograms of Siemens' and Fadal's.
+        ("L100 P3", Unsupported::FlowControl),
+        ("N10 L100", Unsupported::FlowControl),
+        // Coordinate systems of Fanuc's, GSK's and Okuma's.
+        ("G54 P3", Unsupported::UnknownSystem { code10: 541 }),
+        ("G40 G54 P3", Unsupported::UnknownSystem { code10: 541 }),
+        ("G15 H2", Unsupported::UnknownSystem { code10: 150 }),
+        // Edges of Siemens' tools.
+        ("D1\nD2", Unsupported::OtherEdge { number: 2 }),
+        ("T1 D1\nG1 Z5\nD0\nG1 Z6", Unsupported::OtherEdge { number: 0 }),
+        ("G43 H1\nG49\nG1 Z5", Unsupported::OtherToolLength { code10: 490 }),
+        // Inches to Siemens' and Heidenhain's controls, and a cycle to others.
+        ("G70 G90 G54", Unsupported::UnitOrCycle { code10: 700 }),
+        ("G71", Unsupported::UnitOrCycle { code10: 710 }),
+        ("G71 G1 X5 D1", Unsupported::UnitOrCycle { code10: 710 }),
+        ("G70 P10 Q20", Unsupported::CannedCycle { code10: 700 }),
+        ("G71 U2 R1", Unsupported::CannedCycle { code10: 710 }),
+        ("G3 Z0.6 I1.217 J0 P1", Unsupported::Helix { code10: 30 }),
+        ("G0 X5 G80", Unsupported::TwoMotionCodes),
         ("G1 X5 X6", Unsupported::RepeatedWord { letter: b'X' }),
         ("G1 X Y5", Unsupported::MissingNumber { letter: b'X' }),
         ("G1 X5 R2", Unsupported::OddWord { letter: b'R' }),
@@ -117,11 +153,16 @@ fn every_unsupported_line_has_its_reason() {
 #[test]
 fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece() {
     let here = "G1 X0 Y0 Z0\n";
+    let stop = |letter, code10| Unsupported::StopOnMove { letter, code10 };
     for (program, expected) in [
-        ("G1 X300 Y300 F1000 M30", Unsupported::StopOnMove),
-        ("G1 X300 Y300 M0", Unsupported::StopOnMove),
-        ("X300 Y300 M1", Unsupported::StopOnMove),
-        ("G9 G1 X300 Y300", Unsupported::StopOnMove),
+        ("G1 X300 Y300 F1000 M30", stop(b'M', 300)),
+        ("G1 X300 Y300 M0", stop(b'M', 0)),
+        ("X300 Y300 M1", stop(b'M', 10)),
+        ("G9 G1 X300 Y300", stop(b'G', 90)),
+        ("G1 X300 Y300 F600 M5", stop(b'M', 50)),
+        ("G1 X300 Y300 S500 M3 M9", stop(b'M', 90)),
+        ("G1 X300 Y300 M19", stop(b'M', 190)),
+        ("G1 X300 Y300 M400", stop(b'M', 4000)),
         ("T0\nG1 X1 E5\nT1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
         ("G1 X1 E5\nT1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
         ("ACTIVATE_EXTRUDER EXTRUDER=e1\nG1 X1 Y1 Z1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
@@ -131,8 +172,12 @@ fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece()
         assert!(matches!(refused, GcodeError::Unsupported { what, .. } if what == expected), "{refused:?}");
         // In one piece it may pass.
         let passed = run(bent("wZbXYt", [0.0; 3]), passing(), &program).unwrap();
-        assert!(passed.warnings.iter().any(|warning| warning.kind.name() == "not-split"), "{program}");
+        let warning = passed.warnings.iter().find(|warning| warning.kind.name() == "not-split").unwrap();
+        assert!(warning.kind.explanation().starts_with(&expected.to_string()), "{program}");
     }
+    assert!(
+        stop(b'G', 90).to_string().contains("G9 on its line") && stop(b'M', 50).to_string().contains("M5")
+    );
     for program in
         ["G1 X300 Y300\nM30\n", "T0\nG1 X1 E5\nT1\nG92 E0\nG1 X300 Y300 E7\n", "G1 X300 Y300 F1000 M3 M8\n"]
     {
@@ -195,6 +240,49 @@ fn the_number_of_a_program_is_its_name() {
     assert_eq!(outcome.summary.moves_corrected, 2);
     let again = run(scaled(), options(), "O1\nG1 X0 Y0 Z0\nM99\nO2\nG1 X5\n").unwrap_err();
     assert!(matches!(again, GcodeError::Unsupported { line: 3, what: Unsupported::FlowControl, .. }));
+}
+
+#[test]
+fn codes_that_do_nothing_here_pass() {
+    let here = "G1 X0 Y0 Z0\n";
+    for line in [
+        "G52 X0 Y0 Z0",
+        "G92.1",
+        "G92.2",
+        "G0 G17 G40 G49 G80 G90",
+        "G80 G0 X5",
+        "G4 X100",
+        "G1 G4 P1",
+        "G17 G40 G54 G64 P0.01",
+        "G43 H1 Z5\nG49\nM30",
+        "G43 H1 Z5\nG49\nG43 H1\nG1 Z6",
+        "T1 D1\nD1\nG1 Z5",
+        "G43 H1\nD21\nG1 Z5",
+        "D0",
+        "#HSC ON",
+        "#Layer 3",
+    ] {
+        let outcome = run(scaled(), options(), &format!("{here}{line}\n")).unwrap();
+        assert!(!outcome.warning_names().contains(&"may-move"), "{line}");
+    }
+    // The G0 before G80 holds on.
+    let moved = run(scaled(), options(), &format!("{here}G0 G17 G80\nX100.1\n")).unwrap();
+    assert_eq!(moved.lines()[2], "X100.0000 Y0.0000 Z0.0000");
+    // Where L repeats a cycle it is no call, and to a printer # begins a comment.
+    let cycle = run(scaled(), passing(), &format!("{here}G81 Z-5 R2\nL3\nG80\n{here}G1 X100.1\n")).unwrap();
+    assert_eq!(cycle.lines().last(), Some(&"G1 X100.0000 Y0.0000 Z0.0000"));
+    let printer = Options { firmware: Some(Firmware::RepRapFirmware), ..options() };
+    assert!(run(scaled(), printer, &format!("{here}#CS ON\nG1 X5\n")).is_ok());
+}
+
+#[test]
+fn behind_what_may_be_inches_nothing_is_corrected() {
+    let program = "G1 X0 Y0 Z0\nG70 G90\nG1 X4 Y1 Z1\nG1 X5\n";
+    let outcome = run(scaled(), passing(), program).unwrap();
+    assert_eq!((outcome.text(), outcome.summary.lines_not_followed), (program, 2));
+    let refused = run(scaled(), options(), program).unwrap_err();
+    assert!(refused.to_string().contains("G70 is inches for some controls and a canned cycle for others"));
+    assert!(refused.remedy().contains("G20"));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What is known of the machine from line to line.
 
 use super::common::{options, passing, rewritten, run, scaled, skewed};
-use geoerr_core::gcode::{Firmware, Options};
+use geoerr_core::gcode::{Firmware, GcodeError, Options};
 
 #[test]
 fn moves_before_the_position_is_known_pass_untouched() {
@@ -101,16 +101,17 @@ fn a_tool_length_is_named_once_and_forgets_z() {
     assert_eq!(outcome.lines()[2], "G0 X100.0000 Y0.0000 Z10.0000");
     assert_eq!(outcome.warning_names(), ["tool-length"]);
     assert_eq!(run(scaled(), options(), "G43 H1\nG43 H2\n").unwrap_err().line(), 2);
-    assert_eq!(run(scaled(), options(), "G43 H1\nG49\n").unwrap_err().line(), 2);
+    assert_eq!(run(scaled(), options(), "G43 H1\nG49\nG0 X5\n").unwrap_err().line(), 3);
     assert!(run(scaled(), options(), "G49\nG43 H2\n").is_ok());
 }
 
 #[test]
 fn corrections_of_the_firmware_are_pointed_out_unless_named() {
-    let program = "M852 I0.01\nSET_SKEW XY=1,2,3\nG29\nM425 X0.1\nBED_MESH_PROFILE LOAD=a\n";
+    let program = "M852 I0.01\nSET_SKEW XY=1,2,3\nG29\nM425 X0.1\nBED_MESH_PROFILE LOAD=a\nM92 X81\nM579 Y1.01\n\
+                   #VOLCOMP ON [ID0]\nM92 E415\n";
     let outcome = run(scaled(), options(), program).unwrap();
     assert_eq!(outcome.warning_names(), ["firmware-corrects"]);
-    assert_eq!((outcome.warnings[0].line, outcome.warnings[0].count), (1, 5));
+    assert_eq!((outcome.warnings[0].line, outcome.warnings[0].count), (1, 8));
     let named = Options { firmware_corrections_named: true, ..options() };
     assert_eq!(run(scaled(), named, program).unwrap().warning_names(), Vec::<&str>::new());
 }
@@ -134,11 +135,47 @@ fn passed_lines_leave_known_what_their_words_say() {
 #[test]
 fn a_zero_that_cannot_be_read_is_lost() {
     let program = "G1 X100.1 Y0 Z0\nG92 X[#1]\nG1 X100.1 Y0 Z0\nG53 G1 X100.1 Y0 Z0\nG1 X100.1\n";
-    let outcome = run(scaled(), passing(), program).unwrap();
+    let told = Options { work_offset_mm: [0.0, 0.0, 1.0], ..passing() };
+    let outcome = run(scaled(), told, program).unwrap();
     let lines = outcome.lines();
     assert_eq!(lines[2], "G1 X100.1 Y0 Z0");
     assert_eq!(lines[3], "G53 G1 X100.0000 Y0 Z0", "the machine's own zero is not lost");
     assert_eq!(lines[4], "G1 X100.1");
+}
+
+#[test]
+fn where_the_program_s_zero_is_not_told_machine_coordinates_tell_nothing_of_it() {
+    let program = "G0 X100.1 Y99.8 Z10\nG53 G0 Z100\nG0 X200.2\nG0 Z10\n";
+    let outcome = run(skewed(), options(), program).unwrap();
+    let lines = outcome.lines();
+    assert_eq!(lines[1..3], ["G53 G0 Z100", "G0 X200.2"], "no word counts from a zero that is only thought");
+    assert!(lines[3].starts_with("G0 Z") && lines[3].contains('X') && lines[3].contains('Y'), "{}", lines[3]);
+    assert_eq!(outcome.warning_names(), ["zero-not-told", "position-unknown"]);
+    for (options, before) in [
+        (Options { work_offset_mm: [0.0, 0.0, 1.0], ..options() }, ""),
+        (Options { firmware: Some(Firmware::RepRapFirmware), ..options() }, ""),
+        (options(), "G10 L2 P1 X0 Y0 Z0\n"),
+        (options(), "G10 L2 P2 X0 Y0 Z0\nG55\n"),
+    ] {
+        let told = run(skewed(), options, &format!("{before}{program}")).unwrap();
+        assert!(told.warnings.is_empty(), "{before}");
+        let is_corrected = |line: &&str| line.starts_with("G53 G0 Z100") && line.contains('X');
+        assert!(told.lines().iter().any(is_corrected), "{:?}", told.lines());
+    }
+    let passed = run(skewed(), passing(), "G0 X100.1 Y99.8 Z10\nG53 G0 Z100 A0\nG0 X200.2\n").unwrap();
+    assert_eq!(passed.lines()[2], "G0 X200.2");
+}
+
+#[test]
+fn a_rapid_to_the_end_of_an_axis_passes() {
+    // Y 420 is reached at 420.84, which no axis does.
+    let told = Options { work_offset_mm: [10.0, 0.0, 0.0], ..options() };
+    let program = "G0 X90.1 Y0 Z0\nG53 G0 Y420\nG0 X190.2\nG0 Y99.8\n";
+    let outcome = run(scaled(), told.clone(), program).unwrap();
+    assert_eq!(outcome.lines()[1..], ["G53 G0 Y420", "G0 X190.2", "G0 Y100.0000 X190.0000 Z0.0000"]);
+    assert_eq!(outcome.warning_names(), ["end-of-axis", "position-unknown"]);
+    let cut = run(scaled(), told, &program.replace("G53 G0", "G53 G1")).unwrap_err();
+    assert!(matches!(cut, GcodeError::CommandOutsideRange { line: 2, axis: 'Y', .. }), "{cut:?}");
 }
 
 #[test]

@@ -11,7 +11,7 @@ use super::error::GcodeError;
 use super::extrusion::{Extrusion, Firmware, Share};
 use super::frame::{ALL, Effects, Frame, Mask, Motion, Place, Shift, either};
 use super::known::Known;
-use super::lexer::{Head, Line, Span, Word};
+use super::lexer::{Head, Line, Word};
 use super::options::{OnUnsupported, Options, unit_mm};
 use super::path::PathMap;
 use super::plain::PlainMove;
@@ -81,6 +81,10 @@ struct Modes {
     transformed: Option<u32>,
     /// Number of the tool length (`H`; None = without number) once `G43` has been met.
     tool_length: Option<Option<u64>>,
+    /// Number of the tool's edge (Siemens' `D`) once one has been met.
+    tool_edge: Option<u32>,
+    /// Which code has ended the tool length that the zero has in it: no axis word means what it did.
+    lost_length: Option<Unsupported>,
     tool: Option<u64>,
     has_saved_place: bool,
     /// Axes that `G92` has shifted.
@@ -88,6 +92,8 @@ struct Modes {
     /// `G54` to `G59`, and one for those that are not followed.
     systems_mm: [Known; 7],
     system: usize,
+    /// Axes of which it is told where the zero of `G54` is; of the others it is taken for the machine's.
+    zero_is_told: Mask,
 }
 
 /// `M220` of printers: what all feeds are multiplied by; None where the program does not tell it.
@@ -149,6 +155,8 @@ struct Asked {
     has_motion_code: bool,
     /// A code that takes parameters stands on the line.
     takes_parameters: bool,
+    /// `G43` or another code of a tool length on the line.
+    length_code: Option<u32>,
     forget: Mask,
     problem: Option<Unsupported>,
 }
@@ -181,11 +189,15 @@ impl Reader {
                 compensation: None,
                 transformed: None,
                 tool_length: None,
+                tool_edge: None,
+                lost_length: None,
                 tool: None,
                 has_saved_place: false,
                 shifted: [false; 3],
                 systems_mm,
                 system: 0,
+                // Printers count from the machine's zero, if nothing else is said.
+                zero_is_told: [options.firmware.is_some() || options.work_offset_mm != [0.0; 3]; 3],
             },
             inside_mm: std::array::from_fn(|axis| {
                 let ((low_mm, high_mm), (from_mm, to_mm)) =
@@ -356,10 +368,13 @@ impl Reader {
             Head::Percent => self.n_percent += 1,
             Head::Subprogram if self.is_program_number(body) => self.is_numbered = true,
             Head::Subprogram => return Err(Unsupported::FlowControl),
-            Head::Macro(name) => return self.macro_line(name, body),
+            Head::Macro(name) => return self.macro_line(Macro::of(name.of(body)), body),
+            Head::Instruction(name) if self.options.firmware.is_none() => {
+                return self.macro_line(Macro::of_instruction(name.of(body)), body);
+            }
             Head::Words => return self.words_line(line, words, body),
             Head::Empty if line.has_parameter => return Err(Unsupported::Expression),
-            Head::Empty => {}
+            Head::Empty | Head::Instruction(_) => {}
         }
         Ok(Step::Pass)
     }
@@ -374,9 +389,9 @@ impl Reader {
         !self.is_numbered && self.summary.moves_in == 0 && n_digits > 0 && is_alone
     }
 
-    fn macro_line(&mut self, name: Span, body: &[u8]) -> Result<Step, Unsupported> {
+    fn macro_line(&mut self, kind: Macro, body: &[u8]) -> Result<Step, Unsupported> {
         let mut effects = Effects::default();
-        match Macro::of(name.of(body)) {
+        match kind {
             Macro::Harmless => {}
             Macro::FlowControl => return Err(Unsupported::FlowControl),
             Macro::Transforms => return Err(Unsupported::OtherMeaning),
@@ -407,6 +422,10 @@ impl Reader {
                 _ => Ok(Step::pass(self.may_move(body))),
             };
         };
+        // A subprogram of Siemens' and Fadal's controls; of a canned cycle the number of repeats.
+        if first.letter == b'L' && first.number().is_some() && !self.is_in_cycle() {
+            return Err(Unsupported::FlowControl);
+        }
         // Text behind M0 or M23 has letters, and seldom numbers.
         let is_code =
             |word: &Word| word.letter == b'G' && (!line.is_text_on_printers || word.number().is_some());
@@ -442,13 +461,17 @@ impl Reader {
                 _ => {}
             }
         }
+        self.other_controls(line, words, body);
         if self.asked.owner.is_none()
             && let Some(feed) = words.feed.and_then(|word| word.number())
         {
             self.modes.take_feed(feed.to_f64());
         }
-        let moves = words.has_axes() || words.extra_axis.is_some() || words.extruder.is_some();
+        let moves = words.has_motion();
         if let Some((code, code10)) = self.asked.owner {
+            if moves && self.is_move_besides(code, words) {
+                self.asked.refuse(Unsupported::MoveBesides { code10 });
+            }
             if let Some(what) = self.asked.problem {
                 return Err(what);
             }
@@ -470,6 +493,21 @@ impl Reader {
             None if moves => Ok(self.motion(line, words, body)),
             None => Ok(Step::pass(Effects { forget: self.asked.forget, ..Effects::default() })),
         }
+    }
+
+    /// Whether a motion code holds that ends elsewhere than its words say.
+    fn is_in_cycle(&self) -> bool {
+        matches!(self.modes.motion, Some(Err(what)) if what.after() > After::AtItsEnd)
+    }
+
+    /// Whether axis words stand beside a code that has none of its own: LinuxCNC and RepRapFirmware move by them. Alone X
+    /// is the time of Fanuc's dwell.
+    fn is_move_besides(&self, code: Code, words: &Words) -> bool {
+        let [_, y, z] = words.axes;
+        let is_time = !self.asked.has_motion_code
+            && !self.asked.in_machine_coordinates
+            && [y, z, words.extruder, words.p].iter().all(Option::is_none);
+        code == Code::StorePlace || (code == Code::Dwell && !is_time)
     }
 
     /// Whether the firmware is one that runs the first code of a line, and takes what follows for its parameters.
@@ -503,7 +541,11 @@ impl Reader {
                     Ok(words_mm) if words.has_axes() => {
                         self.summary.moves_in += 1;
                         self.summary.moves_out += 1;
-                        effects.place = Place::Move(self.motion_of(words_mm));
+                        if self.asked.in_machine_coordinates && !self.zero_is_told() {
+                            effects.forget = either(effects.forget, words_mm.mask());
+                        } else {
+                            effects.place = Place::Move(self.motion_of(words_mm));
+                        }
                         // An arc may turn on its way.
                         self.past.forget(ALL);
                     }

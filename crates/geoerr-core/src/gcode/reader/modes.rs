@@ -44,9 +44,25 @@ impl Reader {
             Code::TransformOff if words.has_axes() && code10 == 500 => Code::Unknown,
             // Of Prusa's Marlin it measures the bed.
             Code::NoMotion if self.options.firmware == Some(Firmware::Marlin) => Code::MovesItself,
+            // The cycles of lathes say which blocks they repeat, those of mills where their holes are.
+            Code::OtherMotion(_)
+                if matches!(code10, 700 | 710)
+                    && words.p.is_none()
+                    && words.extra_axis.is_none()
+                    && !words.has_arc_words =>
+            {
+                Code::UnitOrCycle
+            }
             code => code,
         };
         match code {
+            Code::UnitOrCycle => asked.refuse(Unsupported::UnitOrCycle { code10 }),
+            // It ends a cycle; the G0 or G1 on its line holds on.
+            Code::NoMotion
+                if asked.has_motion_code
+                    && modes.motion == Some(Ok(()))
+                    && !words.has_motion()
+                    && !words.has_arc_words => {}
             Code::Straight | Code::OtherMotion(_) | Code::NoMotion => {
                 let motion = match code {
                     Code::OtherMotion(what) => Some(Err(what)),
@@ -85,10 +101,7 @@ impl Reader {
                     asked.refuse(Unsupported::UnknownSystem { code10 });
                 }
             }
-            Code::FurtherSystem => {
-                modes.system = 6;
-                asked.refuse(Unsupported::UnknownSystem { code10 });
-            }
+            Code::FurtherSystem => self.further_system(code10),
             Code::CompensationOff => {
                 modes.compensation = None;
                 asked.takes_parameters = true;
@@ -100,22 +113,25 @@ impl Reader {
             }
             Code::ToolLength => {
                 asked.takes_parameters = true;
+                asked.length_code = Some(code10);
+                modes.lost_length = None;
                 let number = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64);
                 let old = modes.tool_length.replace(number);
                 if old.is_some_and(|old| old != number) {
                     asked.refuse(Unsupported::OtherToolLength { code10 });
                 } else if old.is_none() {
-                    // What Z word the machine's place has from now on is not known.
-                    asked.forget[2] = true;
-                    self.warn(WarningKind::ToolLength, body);
+                    self.first_tool_length(body);
                 }
             }
             Code::ToolLengthOff => {
                 if modes.tool_length.is_some() {
-                    asked.refuse(Unsupported::OtherToolLength { code10 });
+                    modes.lost_length = Some(Unsupported::OtherToolLength { code10 });
                 }
             }
-            Code::ToolPoint => asked.refuse(Unsupported::ToolPoint { code10 }),
+            Code::ToolPoint => {
+                asked.length_code = Some(code10);
+                asked.refuse(Unsupported::ToolPoint { code10 });
+            }
             Code::InverseTime => {
                 modes.is_inverse_time = true;
                 asked.refuse(Unsupported::InverseTime);
@@ -155,6 +171,62 @@ impl Reader {
                 }
             }
         }
+    }
+
+    /// Notes what words beside a code, or alone, mean to controls that few programs are for.
+    pub(super) fn other_controls(&mut self, line: &Line, words: &Words, body: &[u8]) {
+        let has =
+            |wanted: u32| line.words.iter().any(|word| word.letter == b'G' && word.code10() == Some(wanted));
+        let is_unclaimed = self.asked.owner.is_none();
+        // Fanuc's and GSK's G54.1 with another number; of G64 P is a tolerance.
+        if words.p.is_some() && is_unclaimed && has(540) && !has(640) {
+            self.further_system(541);
+        }
+        // Okuma's work zeros.
+        if words.h.is_some() && is_unclaimed && has(150) && self.asked.length_code.is_none() {
+            self.further_system(150);
+        }
+        let edge = line.words.iter().rev().find(|word| word.letter == b'D').and_then(|word| word.number());
+        if let Some(edge) = edge
+            && self.options.firmware.is_none()
+            && line.words.iter().all(|word| matches!(word.letter, b'D' | b'F' | b'M' | b'S' | b'T'))
+        {
+            self.tool_edge(edge.to_f64() as u32, body);
+        }
+    }
+
+    /// A coordinate system of which no program says where it is.
+    fn further_system(&mut self, code10: u32) {
+        self.modes.system = 6;
+        self.asked.refuse(Unsupported::UnknownSystem { code10 });
+    }
+
+    /// `D2` of Siemens' controls, which takes the length of the tool's second edge; where the program has `G43`, D is a
+    /// radius.
+    fn tool_edge(&mut self, number: u32, body: &[u8]) {
+        let modes = &mut self.modes;
+        if modes.tool_length.is_some() {
+            return;
+        }
+        match modes.tool_edge {
+            None if number == 0 => {}
+            None => {
+                modes.tool_edge = Some(number);
+                self.first_tool_length(body);
+            }
+            Some(_) if number == 0 => modes.lost_length = Some(Unsupported::OtherEdge { number }),
+            Some(old) if old == number => modes.lost_length = None,
+            Some(_) => {
+                (modes.tool_edge, modes.lost_length) = (Some(number), None);
+                self.asked.refuse(Unsupported::OtherEdge { number });
+            }
+        }
+    }
+
+    fn first_tool_length(&mut self, body: &[u8]) {
+        // What Z word the machine's place has from now on is not known.
+        self.asked.forget[2] = true;
+        self.warn(WarningKind::ToolLength, body);
     }
 
     /// An M word among others.

@@ -1,10 +1,10 @@
 //! Lines that move axes or the extruder.
 
-use super::{Asked, Move, Reader, Step};
+use super::{Asked, EDGE_MM, Move, Reader, Step};
 use crate::gcode::course::Course;
 use crate::gcode::decimal::Decimal;
 use crate::gcode::extrusion::{Share, in_mm};
-use crate::gcode::frame::{Effects, Mask, Motion, Place, either};
+use crate::gcode::frame::{ALL, Effects, Mask, Motion, Place, either};
 use crate::gcode::known::Known;
 use crate::gcode::lexer::Line;
 use crate::gcode::options::unit_mm;
@@ -19,6 +19,11 @@ impl Reader {
         let (modes, asked) = (&self.modes, &mut self.asked);
         match modes.motion {
             Some(Ok(())) => {}
+            Some(Err(Unsupported::Arc { code10 }))
+                if words.axes.map(|word| word.is_some()) == [false, false, true] =>
+            {
+                asked.refuse(Unsupported::Helix { code10 });
+            }
             Some(Err(what)) => asked.refuse(what),
             None => asked.refuse(Unsupported::NoMotionCode),
         }
@@ -44,6 +49,12 @@ impl Reader {
         }
         if modes.is_inverse_time {
             asked.refuse(Unsupported::InverseTime);
+        }
+        // The machine's own coordinates have no tool length in them.
+        if let Some(what) = modes.lost_length
+            && !asked.in_machine_coordinates
+        {
+            asked.refuse(what);
         }
         if asked.in_machine_coordinates && modes.is_relative {
             asked.refuse(Unsupported::MachineIncrement);
@@ -72,15 +83,66 @@ impl Reader {
             }
         };
         let extruder = words.extruder.and_then(|word| word.number());
+        if self.asked.in_machine_coordinates
+            && let Some(left) = self.left_in_machine(&words_mm, body)
+        {
+            return self.pass_in_machine(words_mm, left, extruder, body);
+        }
         self.straight(words_mm, extruder, &MoveText::of(line, words, body), forget, body)
+    }
+
+    /// Axes of a line with `G53` that are not followed, where there are any: then it passes as it is.
+    fn left_in_machine(&mut self, words_mm: &Known, body: &[u8]) -> Option<Mask> {
+        if !self.zero_is_told() {
+            // Words that were added here, or words of these axes behind it, would count from another zero than is thought.
+            self.warn(WarningKind::ZeroNotTold, body);
+            return Some(words_mm.mask());
+        }
+        let left: Mask = std::array::from_fn(|axis| {
+            let (low_mm, high_mm) = self.options.range_mm[axis];
+            let is_at = |end_mm: f64| (words_mm.numbers()[axis] - end_mm).abs() <= EDGE_MM;
+            is_at(low_mm) || is_at(high_mm)
+        });
+        if !self.modes.is_rapid || left == [false; 3] {
+            return None;
+        }
+        self.warn(WarningKind::EndOfAxis, body);
+        Some(left)
+    }
+
+    /// Whether it is told where the program's zero is in machine coordinates, or known that nobody knows.
+    pub(super) fn zero_is_told(&self) -> bool {
+        self.modes.system != 0 || self.modes.zero_is_told == ALL
+    }
+
+    /// A move in machine coordinates as it is; behind it the axes that are left are somewhere.
+    fn pass_in_machine(
+        &mut self,
+        words_mm: Known,
+        left: Mask,
+        extruder: Option<Decimal>,
+        body: &[u8],
+    ) -> Step {
+        if let Some(number) = extruder {
+            self.extrude(number, body);
+        }
+        self.summary.moves_in += 1;
+        self.summary.moves_out += 1;
+        self.summary.untouched_position_unknown += 1;
+        let followed_mm: [Option<f64>; 3] =
+            std::array::from_fn(|axis| words_mm.get(axis).filter(|_| !left[axis]));
+        let place = Place::Move(self.motion_of(followed_mm.into()));
+        Step::pass(Effects { forget: either(self.asked.forget, left), place, ..Effects::default() })
     }
 
     /// The line of a plain move; None where the modes make anything else of it, and nothing has happened yet.
     pub(super) fn plain_motion(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Step> {
         let modes = &mut self.modes;
         let is_straight = plain.is_rapid.is_some() || modes.motion == Some(Ok(()));
-        let has_trouble =
-            modes.transformed.is_some() || modes.compensation.is_some() || modes.is_inverse_time;
+        let has_trouble = modes.transformed.is_some()
+            || modes.compensation.is_some()
+            || modes.lost_length.is_some()
+            || modes.is_inverse_time;
         if !is_straight || has_trouble {
             return None;
         }

@@ -3,7 +3,7 @@
 use super::Reader;
 use crate::gcode::codes::Code;
 use crate::gcode::frame::{ALL, Effects, Place, Shift, either};
-use crate::gcode::lexer::{Line, Value};
+use crate::gcode::lexer::{Line, Value, Word};
 use crate::gcode::options::unit_mm;
 use crate::gcode::reader::Step;
 use crate::gcode::report::WarningKind;
@@ -40,6 +40,8 @@ impl Reader {
             }
             Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
+            // Steps a millimetre, and scales: what an axis is too long or too short by.
+            Some(92 | 579) if words.has_axes() => self.firmware_corrects(body),
             // Marlin's repeatability test of the probe, other controls' overrides.
             Some(48) => effects = self.may_move(body),
             _ => {}
@@ -68,6 +70,7 @@ impl Reader {
                 return Ok(effects);
             }
             Code::Dwell | Code::StorePlace => return Ok(effects),
+            Code::OtherShift if self.leaves_zero(code10, line, words) => return Ok(effects),
             Code::OtherShift => return Err(Unsupported::ZeroShift { code10 }),
             _ => {}
         }
@@ -80,6 +83,17 @@ impl Reader {
             _ => self.set_shift(line, words, &mut effects)?,
         }
         Ok(effects)
+    }
+
+    /// Whether `G52 X0 Y0 Z0`, `G92.1` or `G92.2` ends a shift where none holds.
+    fn leaves_zero(&self, code10: u32, line: &Line, words: &Words) -> bool {
+        let is_zero = |word: &Word| word.number().is_some_and(|number| number.to_f64() == 0.0);
+        let ends_it = match code10 {
+            520 => words.has_axes() && words.axes.iter().flatten().all(is_zero),
+            921 | 922 => !words.has_axes(),
+            _ => false,
+        };
+        ends_it && line.unreadable.is_none() && words.extra_axis.is_none() && self.modes.shifted == [false; 3]
     }
 
     /// `G10`.
@@ -104,6 +118,9 @@ impl Reader {
                 };
                 let system_mm = &mut self.modes.systems_mm[system];
                 *system_mm = system_mm.updated(&offset_mm);
+                if system == 0 {
+                    self.modes.zero_is_told = either(self.modes.zero_is_told, offset_mm.mask());
+                }
                 Ok(())
             }
             Some(Some(10 | 100 | 110)) => {
