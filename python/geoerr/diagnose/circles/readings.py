@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs
+from geoerr.diagnose.words import BOUND, is_at_an_end
 from geoerr.effects.plausible import plausible_match
 from geoerr.terms import Parameter, Term
 
@@ -38,12 +39,13 @@ class Reading:
     says: str = ""
 
     def words(self) -> str:
-        """Write it: value ± standard uncertainty, unit, and what it says."""
+        """Write it: value ± standard uncertainty, unit, and what it says; a bound has no uncertainty."""
         digits = (
             0 if self.std >= 10.0 else min(max(1 - math.floor(math.log10(self.std)), 0), 6) if self.std > 0 else 3
         )
-        text = f"{self.value:+.{digits}f} ± {self.std:.{digits}f} {self.unit}"
-        if self.unit in ("mm", "Hz"):
+        doubt = "" if self.says == BOUND else f" ± {self.std:.{digits}f}"
+        text = f"{self.value:+.{digits}f}{doubt} {self.unit}"
+        if self.unit in ("mm", "mm/s", "Hz"):
             text = text.removeprefix("+")
         head = f"{self.what} {text}" if self.what else text
         return f"{head} ({self.says})" if self.says else head
@@ -217,12 +219,13 @@ def _decay(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
     says = "outward" if height.value > 0.0 else "inward"
     found = [_of(height, "height" if term.effect == "reversal-spike" else "", says)]
     inner = term.inner[0]
+    bound = BOUND if is_at_an_end(inner) else ""
     if inner.unit == "s":
-        found.append(_of(inner, "decay"))
+        found.append(_of(inner, "decay", bound))
     elif inner.unit == "mm":
-        found.append(Reading("within", inner.value, inner.std, "mm", "of travel"))
+        found.append(Reading("within", inner.value, inner.std, "mm", bound or "of travel"))
     else:
-        found.append(Reading("gone at", inner.value, inner.std, inner.unit))
+        found.append(Reading("gone at", inner.value, inner.std, inner.unit, bound))
     return found
 
 
