@@ -620,3 +620,30 @@ def test_the_search_among_points_names_the_one_among_circles() -> None:
     """It gave a verdict: of a machine with play, that a gantry racks."""
     with pytest.raises(GeoerrError, match="diagnose_circles"):
         diagnose(MODEL, circular(lambda theta, sense, feed: 3.0 * np.sign(np.sin(theta))))
+
+
+def shrinking(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """8 µm less at 2000 mm/min."""
+    return np.full_like(theta, -8.0 * (feed / 2000.0) ** 2)
+
+
+def test_a_circle_that_shrinks_is_told_where_runs_share_a_set_up() -> None:
+    diagnosis = diagnose_circles(MODEL, circular(shrinking))
+    (found,) = diagnosis.found
+    assert str(found.reference) == "radial-shrink:xy"
+    assert found.readings[0].value == pytest.approx(-8.0, abs=3.0 * found.readings[0].std)
+    assert not any("radial-shrink" in note for note in diagnosis.notes)
+
+
+def test_with_a_set_up_for_every_run_it_is_said_that_shrinking_is_not_told() -> None:
+    rng = np.random.default_rng(0)
+    passes = [(sense, feed) for feed in FEEDS for sense in (1, -1)]
+    frames = [
+        run(shrinking, sense, feed, rng).with_columns(line=pl.lit(f"run {number}"))
+        for number, (sense, feed) in enumerate(passes)
+    ]
+    diagnosis = diagnose_circles(MODEL, CircularTest(pl.concat(frames), ("memory",)))
+    assert diagnosis.verdict == "nothing-missing"
+    (note,) = (note for note in diagnosis.notes if "radial-shrink" in note)
+    assert "From 500 to 2000 mm/min the radius changes by −7.5 µm" in note
+    assert "give these runs one line" in note

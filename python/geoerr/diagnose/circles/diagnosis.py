@@ -14,7 +14,7 @@ from geoerr.diagnose.circles.causes import Suspect, suspects_of
 from geoerr.diagnose.circles.found import Found, Rival, Searched
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.readings import Reading, readings_of
-from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
+from geoerr.diagnose.circles.runs import SAME_FEED, UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
@@ -609,6 +609,10 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
             )
     if len(runs.feeds()) < 2:
         notes.append("one feed only: what grows with speed is not told from what does not; run a second feed")
+    unseen = [set(one.reference.axis or "") for one in searched.invisible if one.reference.effect == "radial-shrink"]
+    notes += [
+        _radius_not_told(runs, plane) for plane in runs.planes if len(runs.feeds(plane)) > 1 and set(plane) in unseen
+    ]
     if runs.n_runs == 1:
         notes.append("a single run: noise that wanders along the circle is not told from smooth structure; repeat it")
     if len(searched.whole) > len(searched.runs):
@@ -620,6 +624,21 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
         stand, were = ("row stands", "was") if searched.n_gross == 1 else ("rows stand", "were")
         notes.append(f"{searched.n_gross} {stand} alone far off the others and {were} left out")
     return notes
+
+
+def _radius_not_told(runs: Runs, plane: str) -> str:
+    """Say that each feed has set-ups of its own, and what is seen of the radius all the same."""
+    excess_mm = np.asarray(runs.fitted.solved.state.excess_mm)[runs.set_up]
+    feeds = runs.feeds(plane)
+    own = np.array([one == plane for one in runs.plane])
+    slowest, fastest = (own & np.isclose(runs.feed_mm_min, feed, rtol=SAME_FEED) for feed in feeds[[0, -1]])
+    change = UM_PER_MM * float(excess_mm[fastest].mean() - excess_mm[slowest].mean())
+    change_words = f"{change:+.1f}".replace("-", "−")
+    return (
+        f"each feed in {plane.upper()} has a set-up of its own (session and line), with a radius of its own: that a "
+        f"circle shrinks as it is run faster (radial-shrink) is not told. From {feeds[0]:.5g} to {feeds[-1]:.5g} "
+        f"mm/min the radius changes by {change_words} µm; if the bar stood as it was, give these runs one line"
+    )
 
 
 def _after(searched: Searched, place: int) -> float | None:
