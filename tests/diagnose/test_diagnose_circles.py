@@ -647,3 +647,29 @@ def test_with_a_set_up_for_every_run_it_is_said_that_shrinking_is_not_told() -> 
     (note,) = (note for note in diagnosis.notes if "radial-shrink" in note)
     assert "From 500 to 2000 mm/min the radius changes by −7.5 µm" in note
     assert "give these runs one line" in note
+
+
+def test_a_vibration_has_an_amplitude_and_no_phase() -> None:
+    """Sine and cosine are each run's own: only how large it is holds for all."""
+
+    def shaken(theta: Numbers, sense: int, feed: float) -> Numbers:
+        phase = 0.3 + (sense + 1.0) * feed / 700.0
+        time_s = np.abs(theta - theta[0]) * R_MM / (feed / 60.0)
+        return 4.0 * np.cos(theta) * np.sin(2.0 * np.pi * 3.7 * time_s + phase)
+
+    (found,) = diagnose_circles(MODEL, circular(shaken)).found
+    document = found.to_document()["parameters"]
+    assert list(document) == ["amplitude", "f"]
+    assert abs(document["amplitude"]["value"] - 4e-3) < 4.0 * document["amplitude"]["std"]
+    assert document["amplitude"]["unit"] == "mm"
+    assert found.readings[0].value == pytest.approx(1e3 * document["amplitude"]["value"])
+
+
+def test_play_along_an_axis_that_stands_still_is_not_told() -> None:
+    def played(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return -4.0 * sense * np.sign(np.sin(theta)) * np.sin(theta)
+
+    (found,) = diagnose_circles(MODEL, circular(played)).found
+    assert str(found.reference) == "lateral-play:x"
+    assert [one.name for one in found.term.coefficients] == ["l_y", "l_z"]
+    assert list(found.to_document()["parameters"]) == ["l_y"]

@@ -13,7 +13,7 @@ from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.circles.causes import Suspect, suspects_of
 from geoerr.diagnose.circles.found import Found, Rival, Searched
 from geoerr.diagnose.circles.noise import orthonormal
-from geoerr.diagnose.circles.readings import Reading, readings_of
+from geoerr.diagnose.circles.readings import Reading, amplitude_of, readings_of
 from geoerr.diagnose.circles.runs import SAME_FEED, UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
@@ -31,7 +31,7 @@ from geoerr.model import Model
 from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest
 from geoerr.summaries import capitalised, counted, listed, uncapitalised
-from geoerr.terms import EffectReference, Term
+from geoerr.terms import EffectReference, Parameter, Term
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -61,8 +61,9 @@ _FOLLOWS_FEED = ("servo-mismatch", "reversal-spike", "stick-slip", "radial-shrin
 class Cause(Named):
     """A cause of a circular test's deviation, or a suspect that was looked at.
 
-    `term` has its values where the cause is in the model; a coefficient that the runs cannot see is NaN. `worth_um`
-    is of the trace that it alone would leave, set-up removed.
+    `term` has its values where the cause is in the model; a coefficient that the runs cannot see, or that is another
+    in every run, is NaN, and not among the `parameters`. `worth_um` is of the trace that it alone would leave, set-up
+    removed.
 
     Attributes
     ----------
@@ -74,6 +75,8 @@ class Cause(Named):
         Its part of the explainable mean square, in per cent; None of a suspect that is not in the model.
     held_out_rmse_after_um
         Held-out error with it, and all found before it, in the model; None where it was not computed.
+    amplitude
+        Of one whose phase is another in every run: root mean square of all runs; else None.
     """
 
     readings: tuple[Reading, ...]
@@ -81,6 +84,16 @@ class Cause(Named):
     peak_to_peak_std_um: float | None
     percent: float | None
     held_out_rmse_after_um: float | None
+    amplitude: Parameter | None = None
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Values with standard errors; of a cause in the model those that these runs tell."""
+        own = super().parameters
+        if self.peak_to_peak_um is None:
+            return own
+        amplitude = () if self.amplitude is None else (self.amplitude,)
+        return (*amplitude, *(one for one in own if math.isfinite(one.value)))
 
     @property
     def sure(self) -> str:
@@ -400,6 +413,7 @@ def _cause(searched: Searched, place: int, shares: Shares, known: Catalogue) -> 
         aliases=_aliases(found, searched.rivals[place], runs),
         separate_by=None if against is None else _separation(found.suspect.reference, against, runs, known),
         held_out_rmse_after_um=_after(searched, place),
+        amplitude=amplitude_of(term, by_run) if by_run else None,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -202,14 +202,20 @@ def _amplitude(term: Term, covariance: np.ndarray, a: int, b: int) -> tuple[floa
     return UM_PER_MM * size, UM_PER_MM * math.sqrt(max(float(slope @ own @ slope), 0.0))
 
 
-def _vibration(term: Term, by_run: Sequence[Sequence[float]]) -> tuple[Reading, ...]:
+def amplitude_of(term: Term, by_run: Sequence[Sequence[float]]) -> Parameter:
+    """Give the amplitude of a cause by run, root mean square of all runs: sine and cosine are each run's own."""
     values = np.array([one[0] for one in by_run])
     std = np.array([one[1] for one in by_run])
     mean = float(np.sqrt(np.mean(values**2)))
     doubt = float(np.sqrt(np.sum((values * std) ** 2))) / max(len(values) * mean, 1e-300)
+    return replace(term.coefficients[0], name="amplitude", what="amplitude", value=mean, std=doubt)
+
+
+def _vibration(term: Term, by_run: Sequence[Sequence[float]]) -> tuple[Reading, ...]:
+    amplitude = amplitude_of(term, by_run)
     frequency = next(p for p in term.inner if p.name == "f")
     return (
-        Reading("amplitude", UM_PER_MM * mean, UM_PER_MM * doubt, "µm"),
+        _of(amplitude),
         Reading("frequency", frequency.value, frequency.std, "Hz", _known(frequency)),
     )
 
