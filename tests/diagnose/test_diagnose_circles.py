@@ -673,3 +673,21 @@ def test_play_along_an_axis_that_stands_still_is_not_told() -> None:
     assert str(found.reference) == "lateral-play:x"
     assert [one.name for one in found.term.coefficients] == ["l_y", "l_z"]
     assert list(found.to_document()["parameters"]) == ["l_y"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_s_of_one_axis_is_not_told_from_that_of_the_other(seed: int) -> None:
+    """X's guide is off by 10 µm u³ along Y: what of it turns the diameters at 45° and 135° apart is squareness."""
+
+    def bent(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return 10.0 * np.cos(theta) ** 3 * np.sin(theta)
+
+    diagnosis = diagnose_circles(MODEL, circular(bent, seed=seed))
+    assert diagnosis.verdict == "ambiguous"
+    square, shape = diagnosis.ranked
+    assert str(square.reference) == "squareness:xy"
+    assert square.parameters[0].value == pytest.approx(-50e-6, abs=4.0 * square.parameters[0].std)
+    names = {str(shape.reference), *(str(alias.reference) for alias in diagnosis.tied_with(shape))}
+    assert names == {"straightness:x", "straightness:y"}
+    s = next(one for one in shape.parameters if one.name.startswith("s_"))
+    assert abs(s.value) == pytest.approx(0.010, abs=4.0 * s.std)

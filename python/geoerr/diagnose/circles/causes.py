@@ -62,6 +62,9 @@ _JUMP_FROM_END = 0.05
 # The low orders of a guideway's shape, and of positioning, in words.
 _SHAPES = {"h": "bow", "s": "S-shape"}
 _MIDDLES = {"h": "middle", "s": "S-shape"}
+# Their functions, across an axis and along it. A circle sees of the S that of sin 4θ, or of cos 4θ: nothing of it is
+# squareness, or a scale, and that of the other axis is the same.
+_BENT, _UNEVEN = ("(1 - u^2)", "(u^3 - u/2)"), ("(1 - u^2)", "(u^3 - u)")
 
 _WHY_NOT = {
     "radius-change": "the radius of every set-up is free: it is told beside the causes",
@@ -194,7 +197,7 @@ def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     for other in across:
         names = [f"{order}_{other}" for order in orders]
         channel = f"E{other.upper()}{axis.upper()}"
-        parts.append(Part(channel, _low_orders(names), _relative(runs, axis)))
+        parts.append(Part(channel, _low_orders(names, _BENT), _relative(runs, axis)))
         coefficients += [
             Parameter(name, "mm", what=f"{_SHAPES[order]} along {other}")
             for name, order in zip(names, orders, strict=True)
@@ -204,7 +207,7 @@ def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
 
 def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     """Give the same shapes along the axis: a scale that changes from one end to the other."""
-    part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(list(orders)), _relative(runs, axis))
+    part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(orders, _UNEVEN), _relative(runs, axis))
     return _classic(
         effect,
         axis,
@@ -213,8 +216,8 @@ def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     )
 
 
-def _low_orders(names: Sequence[str]) -> str:
-    return " + ".join(f"{name}*{shape}" for name, shape in zip(names, ("(1 - u^2)", "(u^3 - u)"), strict=False))
+def _low_orders(names: Sequence[str], shapes: Sequence[str]) -> str:
+    return " + ".join(f"{name}*{shape}" for name, shape in zip(names, shapes, strict=False))
 
 
 def _relative(runs: Runs, axis: str) -> tuple[tuple[str, str], ...]:
