@@ -691,3 +691,61 @@ def test_an_s_of_one_axis_is_not_told_from_that_of_the_other(seed: int) -> None:
     assert names == {"straightness:x", "straightness:y"}
     s = next(one for one in shape.parameters if one.name.startswith("s_"))
     assert abs(s.value) == pytest.approx(0.010, abs=4.0 * s.std)
+
+
+def bump(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """X is off by 12 µm within some millimetres at x = 230."""
+    return 12.0 * np.exp(-(((R_MM * np.cos(theta) - 30.0) / 6.0) ** 2)) * np.cos(theta)
+
+
+def plateau(theta: Numbers, sense: int, feed: float) -> Numbers:
+    turned = np.mod(theta, 2.0 * np.pi)
+    return 8.0 * ((turned > 1.0) & (turned < 1.7))
+
+
+def step(theta: Numbers, sense: int, feed: float) -> Numbers:
+    return 8.0 * (np.mod(theta, 2.0 * np.pi) > np.radians(65.0))
+
+
+def noisy(radius: Radius, seed: int) -> CircularTest:
+    """Runs at three feeds with noise of 1 µm, a set-up each."""
+    rng = np.random.default_rng(seed)
+    passes = [(sense, feed) for feed in (600.0, 1800.0, 3000.0) for sense in (1, -1)]
+
+    def scattered(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return radius(theta, sense, feed) + 0.95 * rng.standard_normal(len(theta))
+
+    frames = [
+        run(scattered, sense, feed, rng, n=120).with_columns(line=pl.lit(f"run {number}"))
+        for number, (sense, feed) in enumerate(passes)
+    ]
+    return CircularTest(pl.concat(frames), ("memory",))
+
+
+@pytest.mark.parametrize("radius", [bump, plateau, step])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_at_one_place_of_every_run_is_no_wave_and_no_lost_step(radius: Radius, seed: int) -> None:
+    diagnosis = diagnose_circles(MODEL, noisy(radius, seed))
+    assert not {one.reference.effect for one in diagnosis.found} & {"periodic", "screw-wobble", "lost-steps"}
+    assert diagnosis.unknown is not None
+    assert set(diagnosis.unknown.depends_on) <= {"x", "y"}
+
+
+@pytest.mark.parametrize("amplitude_um", [0.7, 4.0])
+def test_a_wave_keeps_its_name_beside_what_is_rough(amplitude_um: float) -> None:
+    def wave(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return amplitude_um * np.sin(2.0 * np.pi * (CENTRE_MM[0] + R_MM * np.cos(theta)) / 8.0) * np.cos(theta)
+
+    (found,) = diagnose_circles(MODEL, noisy(wave, 1)).found
+    assert str(found.reference) == "periodic:x"
+    assert found.term.inner[0].value == pytest.approx(8.0, abs=4.0 * found.term.inner[0].std)
+
+
+def test_a_step_of_one_run_that_stays_is_lost() -> None:
+    def lost(theta: Numbers, sense: int, feed: float) -> Numbers:
+        is_after = (np.abs(theta - theta[0]) > 2.0) & (sense == 1) & (feed == 1800.0)
+        return 5.0 * is_after * np.cos(theta)
+
+    (found,) = diagnose_circles(MODEL, noisy(lost, 1)).found
+    assert str(found.reference) == "lost-steps:x"
+    assert abs(found.parameters[0].value - 5e-3) < 4.0 * found.parameters[0].std
