@@ -54,7 +54,7 @@ def circles(folder: Path) -> None:
     rng = np.random.default_rng(2)
     play_mm, squareness_rad, later_s, radius_mm = 0.014, 40e-6, 0.4e-3, 100.0
     rows, t = [], 0.0
-    for run, (sense, feed) in enumerate([(1, 1000), (-1, 1000), (1, 4000), (-1, 4000)]):
+    for sense, feed in [(1, 1000), (-1, 1000), (1, 4000), (-1, 4000)]:
         # No sample lies on a reversal, where the direction is neither.
         angle = sense * (np.linspace(0.0, 2.0 * np.pi, 181) + np.pi / 180.0)
         speed = feed / 60.0
@@ -65,7 +65,7 @@ def circles(folder: Path) -> None:
         error_y = -later_s * speed_y
         r = radius_mm + (error_x * x + error_y * y) / radius_mm + rng.normal(0.0, 0.5e-3, len(angle))
         for k in range(len(angle)):
-            rows.append((f"run {run + 1}", 200 + x[k], 200 + y[k], 50.0, r[k], sense, feed, t + seconds[k]))
+            rows.append(("bar", 200 + x[k], 200 + y[k], 50.0, r[k], sense, feed, t + seconds[k]))
         t += seconds[-1] + 20.0
     _write_machine(folder, "mill", "wbXYZt")
     _write_table(folder / "circle.csv", ("line", "x", "y", "z", "r", "dir", "feed", "t"), rows)

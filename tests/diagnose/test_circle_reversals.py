@@ -52,6 +52,22 @@ def spike(theta: Numbers, sense: int, feed: float) -> Numbers:
     return -6.0 * direction * np.exp(-since * R_MM / (feed / 60.0) / 0.03) * np.cos(theta)
 
 
+def stick_slip(speed_mm_s: float) -> Callable[[Numbers, int, float], Numbers]:
+    """12 µm at rest that fade as X runs faster."""
+
+    def radius(theta: Numbers, sense: int, feed: float) -> Numbers:
+        running = np.abs(feed / 60.0 * np.sin(theta))
+        return -6.0 * travel(theta, sense)[0] * np.exp(-running / speed_mm_s) * np.cos(theta)
+
+    return radius
+
+
+def backlash_and_servo(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """X lags 0.3 ms behind Y besides."""
+    lag_um = -0.3e-3 * 1e3 * (-sense * feed / 60.0 * np.sin(theta))
+    return backlash(theta, sense, feed) + lag_um * np.cos(theta)
+
+
 def circular(
     radius: Callable[[Numbers, int, float], Numbers],
     passes: tuple[tuple[int, float], ...] = BOTH,
@@ -145,3 +161,26 @@ def test_what_one_corner_alone_says_is_not_named_beside_others() -> None:
     assert state.evidence(found[1], found[:1])[0] > 0.0
     assert held_out_square(state, found) > held_out_square(state, found[:1])
     assert without_idle(state, found) == (found[:1], found[1:])
+
+
+@pytest.mark.parametrize("speed_mm_s", [5.0, 15.0])
+def test_stick_slip_has_its_speed_wherever_a_run_is_fast_enough_to_end_it(speed_mm_s: float) -> None:
+    diagnosis = diagnose_circles(MODEL, circular(stick_slip(speed_mm_s), n=180))
+    (found,) = diagnosis.found
+    assert str(found.reference) == "stick-slip:x"
+    for parameter, expected in zip(found.parameters, (0.012, speed_mm_s), strict=True):
+        assert abs(parameter.value - expected) < 3.5 * parameter.std
+    assert diagnosis.verdict == "missing"
+
+
+def test_a_speed_that_no_run_reaches_is_said_to_be_a_bound() -> None:
+    passes = ((1, 1800.0), (-1, 1800.0))
+    (found,) = diagnose_circles(MODEL, circular(stick_slip(33.0), passes, n=180)).found
+    assert (found.parameters[1].value, found.parameters[1].std) == (30.0, 0.0)
+    assert "gone at 30.000 mm/s (the end of its range; ± of the others hold for it alone)" in found.words()
+
+
+def test_backlash_beside_a_servo_mismatch_is_not_taken_for_stick_slip_that_nothing_ends() -> None:
+    diagnosis = diagnose_circles(MODEL, circular(backlash_and_servo, n=180))
+    assert {str(one.reference) for one in diagnosis.found} == {"backlash:x", "servo-mismatch:xy"}
+    assert diagnosis.verdict == "missing"

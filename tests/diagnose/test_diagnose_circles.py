@@ -620,3 +620,132 @@ def test_the_search_among_points_names_the_one_among_circles() -> None:
     """It gave a verdict: of a machine with play, that a gantry racks."""
     with pytest.raises(GeoerrError, match="diagnose_circles"):
         diagnose(MODEL, circular(lambda theta, sense, feed: 3.0 * np.sign(np.sin(theta))))
+
+
+def shrinking(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """8 µm less at 2000 mm/min."""
+    return np.full_like(theta, -8.0 * (feed / 2000.0) ** 2)
+
+
+def test_a_circle_that_shrinks_is_told_where_runs_share_a_set_up() -> None:
+    diagnosis = diagnose_circles(MODEL, circular(shrinking))
+    (found,) = diagnosis.found
+    assert str(found.reference) == "radial-shrink:xy"
+    assert found.readings[0].value == pytest.approx(-8.0, abs=3.0 * found.readings[0].std)
+    assert not any("radial-shrink" in note for note in diagnosis.notes)
+
+
+def test_with_a_set_up_for_every_run_it_is_said_that_shrinking_is_not_told() -> None:
+    rng = np.random.default_rng(0)
+    passes = [(sense, feed) for feed in FEEDS for sense in (1, -1)]
+    frames = [
+        run(shrinking, sense, feed, rng).with_columns(line=pl.lit(f"run {number}"))
+        for number, (sense, feed) in enumerate(passes)
+    ]
+    diagnosis = diagnose_circles(MODEL, CircularTest(pl.concat(frames), ("memory",)))
+    assert diagnosis.verdict == "nothing-missing"
+    (note,) = (note for note in diagnosis.notes if "radial-shrink" in note)
+    assert "From 500 to 2000 mm/min the radius changes by −7.5 µm" in note
+    assert "give these runs one line" in note
+
+
+def test_a_vibration_has_an_amplitude_and_no_phase() -> None:
+    """Sine and cosine are each run's own: only how large it is holds for all."""
+
+    def shaken(theta: Numbers, sense: int, feed: float) -> Numbers:
+        phase = 0.3 + (sense + 1.0) * feed / 700.0
+        time_s = np.abs(theta - theta[0]) * R_MM / (feed / 60.0)
+        return 4.0 * np.cos(theta) * np.sin(2.0 * np.pi * 3.7 * time_s + phase)
+
+    (found,) = diagnose_circles(MODEL, circular(shaken)).found
+    document = found.to_document()["parameters"]
+    assert list(document) == ["amplitude", "f"]
+    assert abs(document["amplitude"]["value"] - 4e-3) < 4.0 * document["amplitude"]["std"]
+    assert document["amplitude"]["unit"] == "mm"
+    assert found.readings[0].value == pytest.approx(1e3 * document["amplitude"]["value"])
+
+
+def test_play_along_an_axis_that_stands_still_is_not_told() -> None:
+    def played(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return -4.0 * sense * np.sign(np.sin(theta)) * np.sin(theta)
+
+    (found,) = diagnose_circles(MODEL, circular(played)).found
+    assert str(found.reference) == "lateral-play:x"
+    assert [one.name for one in found.term.coefficients] == ["l_y", "l_z"]
+    assert list(found.to_document()["parameters"]) == ["l_y"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_s_of_one_axis_is_not_told_from_that_of_the_other(seed: int) -> None:
+    """X's guide is off by 10 µm u³ along Y: what of it turns the diameters at 45° and 135° apart is squareness."""
+
+    def bent(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return 10.0 * np.cos(theta) ** 3 * np.sin(theta)
+
+    diagnosis = diagnose_circles(MODEL, circular(bent, seed=seed))
+    assert diagnosis.verdict == "ambiguous"
+    square, shape = diagnosis.ranked
+    assert str(square.reference) == "squareness:xy"
+    assert square.parameters[0].value == pytest.approx(-50e-6, abs=4.0 * square.parameters[0].std)
+    names = {str(shape.reference), *(str(alias.reference) for alias in diagnosis.tied_with(shape))}
+    assert names == {"straightness:x", "straightness:y"}
+    s = next(one for one in shape.parameters if one.name.startswith("s_"))
+    assert abs(s.value) == pytest.approx(0.010, abs=4.0 * s.std)
+
+
+def bump(theta: Numbers, sense: int, feed: float) -> Numbers:
+    """X is off by 12 µm within some millimetres at x = 230."""
+    return 12.0 * np.exp(-(((R_MM * np.cos(theta) - 30.0) / 6.0) ** 2)) * np.cos(theta)
+
+
+def plateau(theta: Numbers, sense: int, feed: float) -> Numbers:
+    turned = np.mod(theta, 2.0 * np.pi)
+    return 8.0 * ((turned > 1.0) & (turned < 1.7))
+
+
+def step(theta: Numbers, sense: int, feed: float) -> Numbers:
+    return 8.0 * (np.mod(theta, 2.0 * np.pi) > np.radians(65.0))
+
+
+def noisy(radius: Radius, seed: int) -> CircularTest:
+    """Runs at three feeds with noise of 1 µm, a set-up each."""
+    rng = np.random.default_rng(seed)
+    passes = [(sense, feed) for feed in (600.0, 1800.0, 3000.0) for sense in (1, -1)]
+
+    def scattered(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return radius(theta, sense, feed) + 0.95 * rng.standard_normal(len(theta))
+
+    frames = [
+        run(scattered, sense, feed, rng, n=120).with_columns(line=pl.lit(f"run {number}"))
+        for number, (sense, feed) in enumerate(passes)
+    ]
+    return CircularTest(pl.concat(frames), ("memory",))
+
+
+@pytest.mark.parametrize("radius", [bump, plateau, step])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_is_at_one_place_of_every_run_is_no_wave_and_no_lost_step(radius: Radius, seed: int) -> None:
+    diagnosis = diagnose_circles(MODEL, noisy(radius, seed))
+    assert not {one.reference.effect for one in diagnosis.found} & {"periodic", "screw-wobble", "lost-steps"}
+    assert diagnosis.unknown is not None
+    assert set(diagnosis.unknown.depends_on) <= {"x", "y"}
+
+
+@pytest.mark.parametrize("amplitude_um", [0.7, 4.0])
+def test_a_wave_keeps_its_name_beside_what_is_rough(amplitude_um: float) -> None:
+    def wave(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return amplitude_um * np.sin(2.0 * np.pi * (CENTRE_MM[0] + R_MM * np.cos(theta)) / 8.0) * np.cos(theta)
+
+    (found,) = diagnose_circles(MODEL, noisy(wave, 1)).found
+    assert str(found.reference) == "periodic:x"
+    assert found.term.inner[0].value == pytest.approx(8.0, abs=4.0 * found.term.inner[0].std)
+
+
+def test_a_step_of_one_run_that_stays_is_lost() -> None:
+    def lost(theta: Numbers, sense: int, feed: float) -> Numbers:
+        is_after = (np.abs(theta - theta[0]) > 2.0) & (sense == 1) & (feed == 1800.0)
+        return 5.0 * is_after * np.cos(theta)
+
+    (found,) = diagnose_circles(MODEL, noisy(lost, 1)).found
+    assert str(found.reference) == "lost-steps:x"
+    assert abs(found.parameters[0].value - 5e-3) < 4.0 * found.parameters[0].std

@@ -7,7 +7,7 @@ from validation.fine_errors import LENGTH_MM, MACHINE, Curve, measured, screw, t
 from geoerr.cli.diagnose_text import diagnosis_lines
 from geoerr.diagnose import diagnose
 from geoerr.diagnose.diagnosis import Diagnosis
-from geoerr.diagnose.search.rough import _beyond_the_model, _covariances, _evidence, of_directions
+from geoerr.diagnose.search.rough import _beyond_the_model, of_directions, rough_covariances, rough_evidence
 from geoerr.fit import fit_model
 
 
@@ -30,7 +30,7 @@ def test_evidence_is_that_of_gaussian_densities() -> None:
     residual += wave @ [4.0, -3.0] + at_places @ rng.normal(size=9)
     columns = np.concatenate([at_places, wave], axis=1)
     noise = log_density(residual, np.eye(n))
-    for covariance in _covariances(places_mm, 1):
+    for covariance in rough_covariances(places_mm, 1):
         alone, beside = [], []
         for variance in np.append(0.0, np.geomspace(1e-4, 1e8, 400)):
             whole = np.eye(n) + variance * at_places @ covariance @ at_places.T
@@ -41,7 +41,7 @@ def test_evidence_is_that_of_gaussian_densities() -> None:
             size = max(float(along @ np.linalg.solve(own, along)) / 2.0 - 1.0, 0.0)
             with_wave = whole + size * wave @ np.linalg.solve(own, wave.T)
             beside.append(log_density(residual, with_wave) - noise)
-        found = _evidence(columns.T @ columns, columns.T @ residual, covariance)
+        found = rough_evidence(columns.T @ columns, columns.T @ residual, covariance)
         # Between the sizes that each of the two tries.
         assert found == pytest.approx((max(alone), max(beside)), abs=0.1)
 

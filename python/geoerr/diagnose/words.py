@@ -37,6 +37,8 @@ _WRITTEN_OUT = 1e9
 # Probabilities below this say no more by being smaller.
 _LEAST_P = 1e-9
 _FEW_ALIKE = 3
+# What is said of an inner parameter that ended where its range does.
+BOUND = "the end of its range; ± of the others hold for it alone"
 # A sign is told for certain beyond this many standard errors.
 _CERTAIN_STD = 2.0
 _SURE = ((1e-6, "certain as can be"), (1e-3, "very sure"), (0.025, "sure"), (0.05, "nearly sure"))
@@ -57,7 +59,7 @@ def value_words(parameter: Parameter) -> str:
 
 def bounded_value_words(parameter: Parameter) -> str:
     """Say besides where the value is a bound: the standard errors of the others know nothing of other values."""
-    bound = ", the end of its range; ± of the others hold for it alone" if is_at_an_end(parameter) else ""
+    bound = f", {BOUND}" if is_at_an_end(parameter) else ""
     return f"{value_words(parameter)}{bound}"
 
 

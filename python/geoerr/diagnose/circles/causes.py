@@ -42,6 +42,8 @@ _NEED_TIMES = (
     "lost-steps",
     "spiral",
 )
+# Effects that die away behind a reversal.
+DECAYS = ("reversal-spike", "reversal-windup", "stick-slip")
 # Phases of a vibration have nothing to do with the start of a run.
 BY_RUN = ("vibration",)
 # A vibration is searched down to this many rows of the fastest run; a wave of an axis to fewer, at mean spacing:
@@ -60,6 +62,9 @@ _JUMP_FROM_END = 0.05
 # The low orders of a guideway's shape, and of positioning, in words.
 _SHAPES = {"h": "bow", "s": "S-shape"}
 _MIDDLES = {"h": "middle", "s": "S-shape"}
+# Their functions, across an axis and along it. A circle sees of the S that of sin 4θ, or of cos 4θ: nothing of it is
+# squareness, or a scale, and that of the other axis is the same.
+_BENT, _UNEVEN = ("(1 - u^2)", "(u^3 - u/2)"), ("(1 - u^2)", "(u^3 - u)")
 
 _WHY_NOT = {
     "radius-change": "the radius of every set-up is free: it is told beside the causes",
@@ -140,7 +145,7 @@ def _suspect(runs: Runs, effect: Effect, axis: str | None, why_not: dict[str, st
     if effect.id in _NEED_TIMES and not runs.has_times:
         why_not[effect.id] = _TIMES
         return []
-    terms = _terms(runs, effect, axis)
+    terms = [_within_reach(runs, term) for term in _terms(runs, effect, axis)]
     ways = [Way(term, _trials(runs, term), effect.id in BY_RUN) for term in terms]
     ways = [way for way in ways if way.trials]
     if not ways:
@@ -192,7 +197,7 @@ def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     for other in across:
         names = [f"{order}_{other}" for order in orders]
         channel = f"E{other.upper()}{axis.upper()}"
-        parts.append(Part(channel, _low_orders(names), _relative(runs, axis)))
+        parts.append(Part(channel, _low_orders(names, _BENT), _relative(runs, axis)))
         coefficients += [
             Parameter(name, "mm", what=f"{_SHAPES[order]} along {other}")
             for name, order in zip(names, orders, strict=True)
@@ -202,7 +207,7 @@ def _straightness(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
 
 def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     """Give the same shapes along the axis: a scale that changes from one end to the other."""
-    part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(list(orders)), _relative(runs, axis))
+    part = Part(f"E{axis.upper()}{axis.upper()}", _low_orders(orders, _UNEVEN), _relative(runs, axis))
     return _classic(
         effect,
         axis,
@@ -211,8 +216,8 @@ def _pitch(runs: Runs, effect: Effect, axis: str, orders: str) -> Term:
     )
 
 
-def _low_orders(names: Sequence[str]) -> str:
-    return " + ".join(f"{name}*{shape}" for name, shape in zip(names, ("(1 - u^2)", "(u^3 - u)"), strict=False))
+def _low_orders(names: Sequence[str], shapes: Sequence[str]) -> str:
+    return " + ".join(f"{name}*{shape}" for name, shape in zip(names, shapes, strict=False))
 
 
 def _relative(runs: Runs, axis: str) -> tuple[tuple[str, str], ...]:
@@ -274,20 +279,32 @@ def _grid(runs: Runs, term: Term, parameter: Parameter) -> Sequence[float]:
         return _frequencies_hz(runs, term.axis or "", low, high)
     if parameter.name == "t0" and term.effect == "lost-steps":
         return _jumps_s(runs)
-    if term.effect == "reversal-spike" and parameter.unit == "s":
+    space = np.geomspace if parameter.spacing == "log" else np.linspace
+    return [float(value) for value in space(low, high, _N_DECAYS)]
+
+
+def _within_reach(runs: Runs, term: Term) -> Term:
+    """Give a term with the ranges of its inner parameters as far as these runs reach: where they end is told."""
+    return replace(term, inner=tuple(_reached(runs, term, one) for one in term.inner))
+
+
+def _reached(runs: Runs, term: Term, parameter: Parameter) -> Parameter:
+    low, high = parameter.low, parameter.high
+    if term.effect not in DECAYS or low is None or high is None:
+        return parameter
+    if parameter.unit == "s":
         low, high = max(low, 0.7 * min(_steps_s(runs))), min(high, _turn_s(runs) / 12.0)
-    elif term.effect in ("reversal-windup", "reversal-spike"):
+    elif parameter.unit == "mm":
         radius = float(runs.radius_mm.max())
         # Within the first tenth of the radius: what fills more slowly is a slope.
         low, high = max(low, 2e-4 * radius), min(high, 0.1 * radius)
-    elif term.effect == "stick-slip":
-        # It vanishes at speed, in the slowest run too.
+    else:
+        # Within the speeds of the runs: what no speed of theirs ends is backlash.
         low = max(low, 0.02 * float(np.nanmin(runs.feed_mm_min)) / 60.0)
-        high = min(high, 0.25 * float(np.nanmin(runs.feed_mm_min)) / 60.0)
+        high = min(high, float(np.nanmax(runs.feed_mm_min)) / 60.0)
     if not low < high:
-        return [float(np.sqrt(low * high))] if parameter.spacing == "log" else [0.5 * (low + high)]
-    space = np.geomspace if parameter.spacing == "log" else np.linspace
-    return [float(value) for value in space(low, high, _N_DECAYS)]
+        low = high = float(np.sqrt(low * high)) if parameter.spacing == "log" else 0.5 * (low + high)
+    return replace(parameter, low=low, high=high)
 
 
 def _turn_s(runs: Runs) -> float:

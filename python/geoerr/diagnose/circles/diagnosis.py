@@ -13,8 +13,8 @@ from geoerr.diagnose.answer import Answer, Verdict, held_out_um
 from geoerr.diagnose.circles.causes import Suspect, suspects_of
 from geoerr.diagnose.circles.found import Found, Rival, Searched
 from geoerr.diagnose.circles.noise import orthonormal
-from geoerr.diagnose.circles.readings import Reading, readings_of
-from geoerr.diagnose.circles.runs import UM_PER_MM, Runs, checked, runs_of
+from geoerr.diagnose.circles.readings import Reading, amplitude_of, readings_of
+from geoerr.diagnose.circles.runs import SAME_FEED, UM_PER_MM, Runs, checked, runs_of
 from geoerr.diagnose.circles.search import search
 from geoerr.diagnose.circles.shares import Shares, shares_of
 from geoerr.diagnose.comparison import compare
@@ -31,7 +31,7 @@ from geoerr.model import Model
 from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest
 from geoerr.summaries import capitalised, counted, listed, uncapitalised
-from geoerr.terms import EffectReference, Term
+from geoerr.terms import EffectReference, Parameter, Term
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -61,8 +61,9 @@ _FOLLOWS_FEED = ("servo-mismatch", "reversal-spike", "stick-slip", "radial-shrin
 class Cause(Named):
     """A cause of a circular test's deviation, or a suspect that was looked at.
 
-    `term` has its values where the cause is in the model; a coefficient that the runs cannot see is NaN. `worth_um`
-    is of the trace that it alone would leave, set-up removed.
+    `term` has its values where the cause is in the model; a coefficient that the runs cannot see, or that is another
+    in every run, is NaN, and not among the `parameters`. `worth_um` is of the trace that it alone would leave, set-up
+    removed.
 
     Attributes
     ----------
@@ -74,6 +75,8 @@ class Cause(Named):
         Its part of the explainable mean square, in per cent; None of a suspect that is not in the model.
     held_out_rmse_after_um
         Held-out error with it, and all found before it, in the model; None where it was not computed.
+    amplitude
+        Of one whose phase is another in every run: root mean square of all runs; else None.
     """
 
     readings: tuple[Reading, ...]
@@ -81,6 +84,16 @@ class Cause(Named):
     peak_to_peak_std_um: float | None
     percent: float | None
     held_out_rmse_after_um: float | None
+    amplitude: Parameter | None = None
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Values with standard errors; of a cause in the model those that these runs tell."""
+        own = super().parameters
+        if self.peak_to_peak_um is None:
+            return own
+        amplitude = () if self.amplitude is None else (self.amplitude,)
+        return (*amplitude, *(one for one in own if math.isfinite(one.value)))
 
     @property
     def sure(self) -> str:
@@ -400,6 +413,7 @@ def _cause(searched: Searched, place: int, shares: Shares, known: Catalogue) -> 
         aliases=_aliases(found, searched.rivals[place], runs),
         separate_by=None if against is None else _separation(found.suspect.reference, against, runs, known),
         held_out_rmse_after_um=_after(searched, place),
+        amplitude=amplitude_of(term, by_run) if by_run else None,
     )
 
 
@@ -609,6 +623,10 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
             )
     if len(runs.feeds()) < 2:
         notes.append("one feed only: what grows with speed is not told from what does not; run a second feed")
+    unseen = [set(one.reference.axis or "") for one in searched.invisible if one.reference.effect == "radial-shrink"]
+    notes += [
+        _radius_not_told(runs, plane) for plane in runs.planes if len(runs.feeds(plane)) > 1 and set(plane) in unseen
+    ]
     if runs.n_runs == 1:
         notes.append("a single run: noise that wanders along the circle is not told from smooth structure; repeat it")
     if len(searched.whole) > len(searched.runs):
@@ -620,6 +638,21 @@ def _cannot_tell(runs: Runs, searched: Searched) -> list[str]:
         stand, were = ("row stands", "was") if searched.n_gross == 1 else ("rows stand", "were")
         notes.append(f"{searched.n_gross} {stand} alone far off the others and {were} left out")
     return notes
+
+
+def _radius_not_told(runs: Runs, plane: str) -> str:
+    """Say that each feed has set-ups of its own, and what is seen of the radius all the same."""
+    excess_mm = np.asarray(runs.fitted.solved.state.excess_mm)[runs.set_up]
+    feeds = runs.feeds(plane)
+    own = np.array([one == plane for one in runs.plane])
+    slowest, fastest = (own & np.isclose(runs.feed_mm_min, feed, rtol=SAME_FEED) for feed in feeds[[0, -1]])
+    change = UM_PER_MM * float(excess_mm[fastest].mean() - excess_mm[slowest].mean())
+    change_words = f"{change:+.1f}".replace("-", "−")
+    return (
+        f"each feed in {plane.upper()} has a set-up of its own (session and line), with a radius of its own: that a "
+        f"circle shrinks as it is run faster (radial-shrink) is not told. From {feeds[0]:.5g} to {feeds[-1]:.5g} "
+        f"mm/min the radius changes by {change_words} µm; if the bar stood as it was, give these runs one line"
+    )
 
 
 def _after(searched: Searched, place: int) -> float | None:

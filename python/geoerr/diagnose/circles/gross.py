@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from geoerr.diagnose.circles.causes import DECAYS
 from geoerr.diagnose.circles.found import Searched
 from geoerr.diagnose.circles.runs import Runs
-from geoerr.diagnose.circles.structure import DECAYS
 from geoerr.distributions import chi_squared_isf
 from geoerr.fit.sightings import Numbers
 

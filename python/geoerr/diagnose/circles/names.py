@@ -185,8 +185,10 @@ class Names:
             loss, bounds=(low, high), method="bounded", options={"xatol": 2e-4 * (high - low)}
         )
         at_start = float(np.log(inner[place])) if is_log else inner[place]
-        best = float(found.x) if float(found.fun) < loss(at_start) else at_start
-        return float(np.exp(best)) if is_log else best
+        # The search stays inside: an end is tried itself, so that a value there is the end and no other.
+        best = min((at_start, low, high, float(found.x)), key=loss)
+        ends_as_given = {low: ends[0], high: ends[1], at_start: inner[place]}
+        return ends_as_given.get(best, float(np.exp(best)) if is_log else best)
 
     def refined(self, found: list[Found]) -> list[Found]:
         """Settle inner parameters once more with all the others in the model."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs
+from geoerr.diagnose.words import BOUND, is_at_an_end
 from geoerr.effects.plausible import plausible_match
 from geoerr.terms import Parameter, Term
 
@@ -38,12 +39,13 @@ class Reading:
     says: str = ""
 
     def words(self) -> str:
-        """Write it: value ± standard uncertainty, unit, and what it says."""
+        """Write it: value ± standard uncertainty, unit, and what it says; a bound has no uncertainty."""
         digits = (
             0 if self.std >= 10.0 else min(max(1 - math.floor(math.log10(self.std)), 0), 6) if self.std > 0 else 3
         )
-        text = f"{self.value:+.{digits}f} ± {self.std:.{digits}f} {self.unit}"
-        if self.unit in ("mm", "Hz"):
+        doubt = "" if self.says == BOUND else f" ± {self.std:.{digits}f}"
+        text = f"{self.value:+.{digits}f}{doubt} {self.unit}"
+        if self.unit in ("mm", "mm/s", "Hz"):
             text = text.removeprefix("+")
         head = f"{self.what} {text}" if self.what else text
         return f"{head} ({self.says})" if self.says else head
@@ -200,14 +202,20 @@ def _amplitude(term: Term, covariance: np.ndarray, a: int, b: int) -> tuple[floa
     return UM_PER_MM * size, UM_PER_MM * math.sqrt(max(float(slope @ own @ slope), 0.0))
 
 
-def _vibration(term: Term, by_run: Sequence[Sequence[float]]) -> tuple[Reading, ...]:
+def amplitude_of(term: Term, by_run: Sequence[Sequence[float]]) -> Parameter:
+    """Give the amplitude of a cause by run, root mean square of all runs: sine and cosine are each run's own."""
     values = np.array([one[0] for one in by_run])
     std = np.array([one[1] for one in by_run])
     mean = float(np.sqrt(np.mean(values**2)))
     doubt = float(np.sqrt(np.sum((values * std) ** 2))) / max(len(values) * mean, 1e-300)
+    return replace(term.coefficients[0], name="amplitude", what="amplitude", value=mean, std=doubt)
+
+
+def _vibration(term: Term, by_run: Sequence[Sequence[float]]) -> tuple[Reading, ...]:
+    amplitude = amplitude_of(term, by_run)
     frequency = next(p for p in term.inner if p.name == "f")
     return (
-        Reading("amplitude", UM_PER_MM * mean, UM_PER_MM * doubt, "µm"),
+        _of(amplitude),
         Reading("frequency", frequency.value, frequency.std, "Hz", _known(frequency)),
     )
 
@@ -217,12 +225,13 @@ def _decay(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
     says = "outward" if height.value > 0.0 else "inward"
     found = [_of(height, "height" if term.effect == "reversal-spike" else "", says)]
     inner = term.inner[0]
+    bound = BOUND if is_at_an_end(inner) else ""
     if inner.unit == "s":
-        found.append(_of(inner, "decay"))
+        found.append(_of(inner, "decay", bound))
     elif inner.unit == "mm":
-        found.append(Reading("within", inner.value, inner.std, "mm", "of travel"))
+        found.append(Reading("within", inner.value, inner.std, "mm", bound or "of travel"))
     else:
-        found.append(Reading("gone at", inner.value, inner.std, inner.unit))
+        found.append(Reading("gone at", inner.value, inner.std, inner.unit, bound))
     return found
 
 

@@ -41,7 +41,7 @@ _MANY_REPEATS = 0.4
 # A feed and the times of its run disagree where they differ by more than this, as a logarithm: dwells take some.
 _OTHER_FEED = 0.5
 # Feeds that differ by less than this share are one.
-_SAME_FEED = 0.02
+SAME_FEED = 0.02
 # Finer than half a degree a bar shows its own noise; and the search's memory grows with the rows of all runs.
 _MOST_ROWS, _MOST_ROWS_IN_ALL, _LEAST_ROWS = 720, 3000, 180
 # Between runs of one set-up whose clocks start anew.
@@ -163,7 +163,7 @@ class Runs:
         """Give the different feeds, (k,), of one plane or of all."""
         own = np.array([plane is None or one == plane for one in self.plane])
         found = np.unique(self.feed_mm_min[own & np.isfinite(self.feed_mm_min)])
-        return found[np.concatenate([[True], np.diff(found) > _SAME_FEED * found[:-1]])] if len(found) else found
+        return found[np.concatenate([[True], np.diff(found) > SAME_FEED * found[:-1]])] if len(found) else found
 
     def without(self, rows: np.ndarray) -> Runs:
         """Give the same without some rows (n,)."""

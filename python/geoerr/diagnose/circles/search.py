@@ -14,6 +14,7 @@ from geoerr.diagnose.circles.gross import misfit_um, stand_alone
 from geoerr.diagnose.circles.held_out import without_idle
 from geoerr.diagnose.circles.names import Names
 from geoerr.diagnose.circles.noise import orthonormal
+from geoerr.diagnose.circles.rough import as_unknown, without_rough
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.circles.structure import Structure
@@ -81,11 +82,16 @@ def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str
     names = Names(state, chance)
     structure = Structure(state, probe_chance)
     named, idle = without_idle(state, names.search())
+    named, rough = without_rough(state, named)
+    if rough:
+        state.weigh(named)
     steps.next(f"structure without a name{beside}")
     found, withdrawn, unknown = structure.probed(named)
-    withdrawn = [*idle, *withdrawn]
+    withdrawn = [*idle, *rough, *withdrawn]
     found, more = without_idle(state, names.needed(names.refined(found)))
     withdrawn += more
+    if rough and unknown is None:
+        unknown = as_unknown(state, found, rough)
     steps.next(f"what else would say the same, and values{beside}")
     rivals = tuple(rivals_of(state, found, place) for place in range(len(found)))
     scatter = state.noise_beside(found, structure.columns, CAUTION_OF_VALUES)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geoerr.diagnose.circles.bench import Judged, Null
+from geoerr.diagnose.circles.causes import DECAYS
 from geoerr.diagnose.circles.found import Found
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.probes import Probe
@@ -22,7 +23,6 @@ _IMPOSTOR, _MOST_OF_IT, _NEARLY_ALL = 3.0, 0.75, 0.9
 _WITHIN = 0.7
 _MOST_PROBES = 4
 # Of effects with a decay on one axis one that is smaller than this share of another mends its shape.
-DECAYS = ("reversal-spike", "reversal-windup", "stick-slip")
 _CORRECTION = 0.45
 # What a cause's formula may be off by, as a share of its trace: friction and play are rounder than formulas.
 _DOUBT = {**dict.fromkeys(DECAYS, 0.15), "vibration": 0.1, "periodic": 0.05, "screw-wobble": 0.05}

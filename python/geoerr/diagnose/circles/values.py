@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from geoerr.diagnose.circles.bench import Judged
 from geoerr.diagnose.circles.causes import Suspect
 from geoerr.diagnose.circles.found import Found, Rival
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.ties import TOO_ALIKE, is_as_good, z_by_noise
+from geoerr.diagnose.words import is_at_an_end
 from geoerr.fit.sightings import Numbers
 
 CAUTION_OF_VALUES = 1.0
@@ -47,7 +50,8 @@ def _slopes(state: State, one: Found, values: Numbers) -> Numbers:
     slopes = np.zeros((state.n, len(one.inner)))
     for number, parameter in enumerate(one.way.term.inner):
         low, high = parameter.low or 0.0, parameter.high or 0.0
-        if low == high:
+        if low == high or is_at_an_end(replace(parameter, value=one.inner[number])):
+            # A bound has no error: those of the others hold for it alone.
             continue
         step = 1e-4 * (abs(one.inner[number]) if parameter.spacing == "log" else high - low)
         if parameter.name == "P":
@@ -113,6 +117,9 @@ def rivals_of(state: State, found: Sequence[Found], place: int) -> tuple[Rival, 
         z = z_by_noise(explained, theirs @ (theirs.T @ left), left)
         is_too_alike = correlation > TOO_ALIKE and judged.rank <= own.shape[1]
         tied = (is_too_alike or is_as_good(correlation, difference, z)) and not _holds(suspect, one.suspect)
+        if tied and correlation > TOO_ALIKE and not one.inner and _is_at_an_end(suspect, judged):
+            # What no run of these ends is the same in more numbers: no rival, unless it spares another cause.
+            tied = _spares_one(state, others, columns)
         rivals.append(Rival(suspect, judged, correlation, gain - judged.gain, tied))
     return tuple(sorted(rivals, key=lambda rival: -rival.judged.evidence))
 
@@ -129,6 +136,24 @@ def sizes_of(state: State, found: Sequence[Found]) -> list[float]:
         sizes.append(float(np.sqrt(np.mean((trace - state.plain(trace)) ** 2))))
         first += k
     return sizes
+
+
+def _is_at_an_end(suspect: Suspect, judged: Judged) -> bool:
+    way = suspect.ways[judged.group.way]
+    values = zip(way.term.inner, way.trials[judged.trial], strict=True)
+    return any(is_at_an_end(replace(parameter, value=value)) for parameter, value in values)
+
+
+def _spares_one(state: State, others: Sequence[Found], columns: Numbers) -> bool:
+    """Tell whether one of the other causes is superfluous beside columns (n, k)."""
+    white = state.noise.whiten(columns)
+    for place, one in enumerate(others):
+        basis, _ = state.context([*others[:place], *others[place + 1 :]])
+        basis = orthonormal(np.concatenate([basis, white], axis=1))
+        left = state.signal - basis @ (basis.T @ state.signal)
+        if 0.5 * state.gain(state.white(one), basis, left) <= state.penalty(one):
+            return True
+    return False
 
 
 def _holds(wider: Suspect, special: Suspect) -> bool:

@@ -8,7 +8,7 @@ some wave always does a part. So the wave is asked for beside errors that are as
 | symbol | code | what |
 |---|---|---|
 | B | `_at_places` | whitened columns of an error of 1 mm at each place, or cell of places, off the model |
-| C | `_covariances` | covariance of the errors at the places, of size 1 |
+| C | `rough_covariances` | covariance of the errors at the places, of size 1 |
 | W | `Settled.of_coefficients` | columns of the wave |
 | τ² | `variance` | how rough: the errors' variance |
 """
@@ -38,7 +38,7 @@ from geoerr.terms import EffectReference
 # More places than these are taken together in as many cells, between whose middles an error runs straight.
 _FEWEST_PLACES, _MOST_PLACES = 3, 100
 # How rough errors may be, in units of what the data can see.
-_SIZES = np.geomspace(1e-3, 1e6, 73)
+ROUGH_SIZES = np.geomspace(1e-3, 1e6, 73)
 # Cosine between what a channel does and what a direction of the base does, if they are one.
 _THE_SAME = 0.99
 
@@ -124,8 +124,8 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     keep = _beyond_the_model(own.gram_beyond, own.gram, columns.shape[2])
     gram, score = keep.T @ own.gram_beyond @ keep, keep.T @ own.score(looked.space)
     rough, with_wave = -math.inf, -math.inf
-    for covariance in _covariances(cells_mm, len(channels)):
-        alone, beside = _evidence(gram, score, covariance)
+    for covariance in rough_covariances(cells_mm, len(channels)):
+        alone, beside = rough_evidence(gram, score, covariance)
         rough, with_wave = max(rough, alone), max(with_wave, beside)
     if rough <= 0.0 or with_wave - math.log(claim.what.n_trials) > rough:
         return None
@@ -151,7 +151,7 @@ def of_directions(gain: Numbers, rank: np.ndarray | int) -> Numbers:
     return np.asarray(0.5 * (gain * (1.0 - 1.0 / scale) - rank * np.log(scale)))
 
 
-def _evidence(gram: Numbers, score: Numbers, covariance: Numbers) -> tuple[float, float]:
+def rough_evidence(gram: Numbers, score: Numbers, covariance: Numbers) -> tuple[float, float]:
     """Give the largest evidence of rough errors alone, and of a wave beside them, against noise alone.
 
     Parameters
@@ -169,7 +169,7 @@ def _evidence(gram: Numbers, score: Numbers, covariance: Numbers) -> tuple[float
     seen_size, turn = np.linalg.eigh(root.T @ gram[:n_places, :n_places] @ root)
     root, seen_size = root @ turn, np.maximum(seen_size, 0.0)
     along, across = root.T @ score[:n_places], root.T @ gram[:n_places, n_places:]
-    variance = np.append(0.0, _SIZES / max(float(seen_size.mean()), 1e-300))[:, None]
+    variance = np.append(0.0, ROUGH_SIZES / max(float(seen_size.mean()), 1e-300))[:, None]
     shrunk = variance / (1.0 + variance * seen_size)
     alone = 0.5 * (shrunk * along**2 - np.log1p(variance * seen_size)).sum(axis=1)
     left = score[n_places:] - (shrunk * along) @ across
@@ -192,7 +192,7 @@ def _beyond_the_model(beyond: Numbers, whole: Numbers, k: int) -> Numbers:
     return keep
 
 
-def _covariances(cells_mm: Numbers, n_channels: int) -> Iterator[Numbers]:
+def rough_covariances(cells_mm: Numbers, n_channels: int) -> Iterator[Numbers]:
     """Give covariances of errors that have nothing to do with each other, that wander, and whose slope wanders.
 
     The last two are Wiener's process and its integral, of which a cubic spline is the likeliest curve.
