@@ -8,6 +8,7 @@ from typing import Any
 
 from geoerr.diagnose.document import comparison_document
 from geoerr.effects import plausible_what
+from geoerr.effects.amplitudes import amplitudes_by_term, parts_of
 from geoerr.fit import FitResult, Fitted
 from geoerr.model import HistoryEntry
 from geoerr.report.provenance import provenance_of_command
@@ -39,12 +40,16 @@ def fit_document(
     fitted, record = result.fitted, result.model.record
     assert record is not None
     document = result.to_document()
+    amplitudes = amplitudes_by_term(fitted.terms, fitted.covariance)
     for term in fitted.terms:
+        parts = parts_of(amplitudes[term.id])
         for parameter in (*term.coefficients, *term.inner):
-            document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible_what(parameter)
+            plausible = None if parameter.name in parts else plausible_what(parameter)
+            document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible
     return {
         "output": None if output is None else str(output),
         **document,
+        "amplitudes": {name: [one.to_document() for one in own] for name, own in amplitudes.items() if own},
         "before": comparison_document(before),
         "after": comparison_document(fitted),
         "history": [_entry_document(entry) for entry in record.history],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from geoerr.effects.amplitudes import Amplitude
 from geoerr.effects.plausible import (
     MAX_RELATIVE_STD,
     beyond_all,
@@ -59,6 +60,18 @@ def bounded_value_words(parameter: Parameter) -> str:
     """Say besides where the value is a bound: the standard errors of the others know nothing of other values."""
     bound = ", the end of its range; ± of the others hold for it alone" if is_at_an_end(parameter) else ""
     return f"{value_words(parameter)}{bound}"
+
+
+def amplitude_words(amplitude: Amplitude) -> str:
+    """Write a wave's amplitude with its standard error and what it is usual for; a bound where it may be 0."""
+    size = amplitude.size
+    unit, factor = _read_in(size)
+    name = f"amplitude √({amplitude.sine}² + {amplitude.cosine}²)"
+    if not amplitude.is_told:
+        return f"{name} at most {number_words(amplitude.most * factor)} {unit}: not told from 0"
+    usual = plausibility_words(size)
+    number = f"{name} = {_number(size.value * factor, size.std * factor)} {unit}".rstrip()
+    return number if usual is None else f"{number} ({usual})"
 
 
 def is_open(parameter: Parameter) -> bool:
