@@ -93,6 +93,20 @@ def test_what_is_usual(parameter: Parameter, words: str | None) -> None:
     assert plausibility_words(parameter) == words
 
 
+def test_values_of_one_effect_have_one_power_of_ten() -> None:
+    """`1000 ± 1000 ×10⁻¹²` stood beside `−24.4 ± 1.3 ×10⁻⁹`."""
+    kappa_y, kappa_z = (
+        Parameter(name, "1/(K*mm)", value, std)
+        for name, value, std in (("kappa_y", 1.0e-9, 1.02e-9), ("kappa_z", -24.4e-9, 1.3e-9))
+    )
+    both = (kappa_y, kappa_z, Parameter("tau", "s", 300.0, 10.0, low=10.0, high=1e6))
+    first, second = (value_words(one, both) for one in both[:2])
+    assert first.startswith("kappa_y = 1 ± 1 ×10⁻⁹")
+    assert second.startswith("kappa_z = −24.4 ± 1.3 ×10⁻⁹")
+    # What is measured in another unit has a power of its own.
+    assert value_words(both[2], both) == "tau = 300 ± 10 s"
+
+
 def test_how_sure() -> None:
     assert sure_words(2.3e-7) == "certain as can be: chance does as much in one search of 4.3 million (p = 2.3e-07)"
     assert sure_words(0.0) == "certain as can be: chance does as much in fewer than one search of a billion"

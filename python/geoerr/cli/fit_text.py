@@ -211,14 +211,17 @@ def _parameter_rows(term: Term, fitted: Fitted, amplitudes: Sequence[Amplitude])
     """Give a term's parameters: a moment on the clock of all sessions by its session, a period with those alike."""
     moments, alike = moments_of(term, fitted.sightings), other_periods(fitted, term)
     yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""), "  ")
-    for parameter in (*term.coefficients, *term.inner):
+    parameters = (*term.coefficients, *term.inner)
+    for parameter in parameters:
         moment = moments.get(parameter.name)
         read = parameter if moment is None else replace(parameter, unit=moment.unit)
         words = None if moment is None else moment.words()
         if moment is None and parameter.name not in parts_of(amplitudes):
-            words = plausibility_words(parameter, inner=term.inner)
+            words = plausibility_words(parameter, inner=term.inner, beside=parameters)
         others = f", or {alike_words(alike[parameter.name], read.unit)}" if parameter.name in alike else ""
-        yield from wrapped(bounded_value_words(read) + ("" if words is None else f" ({words})") + others, "    ")
+        yield from wrapped(
+            bounded_value_words(read, parameters) + ("" if words is None else f" ({words})") + others, "    "
+        )
     for one in amplitudes:
         yield from wrapped(amplitude_words(one), "    ")
 

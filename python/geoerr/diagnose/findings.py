@@ -243,11 +243,12 @@ class Finding(Named):
         texts = []
         for parameter in self.parameters:
             moment = self.moments.get(parameter.name)
-            text = bounded_value_words(parameter if moment is None else replace(parameter, unit=moment.unit))
+            read = parameter if moment is None else replace(parameter, unit=moment.unit)
+            text = bounded_value_words(read, self.parameters)
             words = moment.words() if moment is not None else None
             if moment is None and not self.in_model and parameter.name not in parts:
                 # What physics says of a value it does not say of a difference.
-                words = plausibility_words(parameter, signs.get(parameter.name, 0), self.term.inner)
+                words = plausibility_words(parameter, signs.get(parameter.name, 0), self.term.inner, self.parameters)
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:
                 texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"

@@ -126,10 +126,13 @@ def effect_blocks(model: Model) -> tuple[Block, ...]:
             continue
         own = amplitudes.get(term.id, ())
         named = (term.id, term.title + (" (of the measuring rig: never compensated)" if term.is_rig else ""))
-        for parameter in (*term.coefficients, *term.inner):
-            value = "not fitted yet" if math.isnan(parameter.value) else value_words(parameter)
-            is_part = parameter.name in parts_of(own)
-            rows.append((*named, value, "" if is_part else plausibility_words(parameter, inner=term.inner) or ""))
+        parameters = (*term.coefficients, *term.inner)
+        for parameter in parameters:
+            value = "not fitted yet" if math.isnan(parameter.value) else value_words(parameter, parameters)
+            words = None
+            if parameter.name not in parts_of(own):
+                words = plausibility_words(parameter, inner=term.inner, beside=parameters)
+            rows.append((*named, value, words or ""))
         rows += [(*named, *amplitude_words(one).rstrip(")").partition(" (")[::2]) for one in own]
     header = ("effect", "in words", "value ± standard uncertainty", "would physics give it")
     return (Table("Effects", header, tuple(rows)),) if rows else ()
