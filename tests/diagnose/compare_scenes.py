@@ -37,6 +37,16 @@ def places(rng: np.random.Generator, n: int = 60) -> Numbers:
     return rng.uniform(0.0, [400.0, 300.0, 250.0], (n, 3))
 
 
+def passes_along(rng: np.random.Generator, n_passes: int, n_rows: int) -> tuple[Numbers, npt.NDArray[np.int64]]:
+    """Commanded positions of passes along x, y, z by turns, uneven steps; and the pass of each row."""
+    own_pass = np.repeat(np.arange(n_passes), n_rows)
+    q_mm = places(rng, n_passes)[own_pass]
+    for axis, length in enumerate((400.0, 300.0, 250.0)):
+        along = own_pass % 3 == axis
+        q_mm[along, axis] = np.sort(rng.uniform(0.0, length, (n_passes, n_rows)), axis=1).ravel()[along]
+    return q_mm, own_pass
+
+
 def measured(
     q_mm: Numbers,
     true_mm: Numbers,
@@ -53,6 +63,19 @@ def measured(
     columns |= {"carrier": ["relative"] * len(q_mm)}
     columns |= {name: np.full(len(q_mm), noise_mm) for name in ("sx", "sy", "sz")}
     return observations_from_columns(columns | more)
+
+
+def warming_up(rng: np.random.Generator, n: int) -> Numbers:
+    return np.asarray(25.0 + 20.0 * (1.0 - np.exp(-4.0 * np.arange(n) / n)) + rng.normal(0.0, 0.3, n))
+
+
+def turning_its_sign(rng: np.random.Generator) -> tuple[Observations, Numbers]:
+    """A wave along X whose height follows a temperature from below 0 to above it; the temperature of each row."""
+    q, own_pass = passes_along(rng, 96, 10)
+    temp = rng.permutation(warming_up(rng, 96))[own_pass] + rng.normal(0.0, 0.3, len(q))
+    true = Model(MACHINE).tool_from_work(q)
+    true[:, 1] += 5e-3 * np.sin(2.0 * np.pi * q[:, 0] / 170.0) * (temp - 38.0) / 8.0
+    return measured(q, true, rng, line=[f"L{number}" for number in own_pass], temp_bed=temp), temp
 
 
 def beam(x_mm: npt.ArrayLike, error_um: npt.ArrayLike, **more: Any) -> Observations:

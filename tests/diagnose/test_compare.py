@@ -13,15 +13,19 @@ from compare_scenes import (
     beam,
     circle,
     measured,
+    passes_along,
     places,
     rigid_residual_mm,
     term,
     turn,
+    turning_its_sign,
+    warming_up,
 )
 from scipy import stats
 
 import geoerr
 from geoerr.diagnose import common_rows, compare
+from geoerr.diagnose.spread_trends import spreads_to_tell
 from geoerr.errors import GeoerrError, GeometryError, ShapeError
 from geoerr.fit import frames_only, own_freedom, sightings_of
 from geoerr.fit.gross_rows import stand_alone
@@ -261,6 +265,47 @@ def test_of_many_values_bins_hold_as_many_rows_each_and_empty_cells_are_left_out
     assert [one.n for one in bins] == [8] * 10
     assert all(one.high < other.low for one, other in itertools.pairwise(bins))
     assert comparison.components[0].residual_um[np.isfinite(load)].size == sum(one.n for one in bins)
+
+
+def test_bins_have_their_rms_and_a_size_that_depends_on_a_variable_is_seen() -> None:
+    """Of sin(x)·(T − T₀) the mean over T is 0 everywhere, and the rms is least at T₀."""
+    rng = np.random.default_rng(10)
+    observations, temp = turning_its_sign(rng)
+    comparison = compare(NOMINAL, observations)
+    first = comparison.spread_trends[0]
+    assert (first.variable, first.component) == ("temp_bed", "y")
+    assert first.stands_out
+    over = {(one.variable, one.component): one for one in comparison.trends}["temp_bed", "y"]
+    residual_um = 1e3 * comparison.residual_mm[:, 1]
+    for one in over.bins:
+        rows = (temp >= one.low) & (temp <= one.high) & comparison.points.solved.used
+        assert one.rms_um == pytest.approx(np.sqrt(np.mean(residual_um[rows] ** 2)))
+        assert one.spread_um == pytest.approx(residual_um[rows].std())
+    assert first.least_um == min(one.spread_um for one in over.bins) < 0.5 * first.most_um
+    document = comparison.to_document()
+    assert document["spread_trends"][0]["stands_out"]
+    assert spreads_to_tell(comparison.spread_trends, 0.1 * comparison.rmse_um)[0] is first
+    assert "its size follows" in comparison._repr_html_()
+
+
+@pytest.mark.parametrize(("n_passes", "n_rows", "offset_mm"), [(96, 10, 5e-4), (40, 6, 3e-3), (6, 40, 1e-3)])
+def test_of_noise_alone_no_size_follows_anything(n_passes: int, n_rows: int, offset_mm: float) -> None:
+    rng = np.random.default_rng(11)
+    told = 0
+    for _ in range(30):
+        q, own_pass = passes_along(rng, n_passes, n_rows)
+        true = NOMINAL.tool_from_work(q) + rng.normal(0.0, offset_mm, (n_passes, 3))[own_pass]
+        lines = [f"L{number}" for number in own_pass]
+        observations = measured(q, true, rng, line=lines, temp_bed=warming_up(rng, len(q)), t=5.0 * np.arange(len(q)))
+        told += any(one.stands_out for one in compare(NOMINAL, observations).spread_trends)
+    # At most 1 of 100 by chance: two of 30 would be rare.
+    assert told <= 1
+
+
+def test_what_a_fit_leaves_of_exact_data_follows_nothing() -> None:
+    q, own_pass = passes_along(np.random.default_rng(12), 40, 6)
+    exact = measured(q, NOMINAL.tool_from_work(q), line=[f"L{number}" for number in own_pass])
+    assert compare(NOMINAL, exact).spread_trends == ()
 
 
 def test_models_are_compared_on_their_common_rows() -> None:

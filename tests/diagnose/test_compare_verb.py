@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 import pytest
-from compare_scenes import MACHINE, NOISE_MM, circle, measured, places, term
+from compare_scenes import MACHINE, NOISE_MM, circle, measured, places, term, turning_its_sign
 from typer.testing import CliRunner
 
 import geoerr
@@ -98,6 +98,19 @@ def test_variables_of_the_machine_come_before_pixels_and_all_have_a_meaning(fold
     without = points.drop("u_left")
     without.write_csv(folder / "points.csv")
     assert "pixels" not in run(folder, "machine.toml", "points.csv").stdout
+
+
+def test_a_size_that_follows_a_temperature_is_told(folder: Path) -> None:
+    observations, _ = turning_its_sign(np.random.default_rng(10))
+    geoerr.write_observations(folder / "turning.csv", observations)
+    text = " ".join(run(folder, "machine.toml", "turning.csv").stdout.split())
+    assert "the residual follows nothing" not in text
+    assert "its size follows temp_bed (temperature, °C), along y: " in text
+    assert " rms 96 rows" in text
+    run(folder, "machine.toml", "turning.csv", "--report", str(folder / "page.html"))
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    assert "What its size follows about the mean of each bin" in page
+    assert "Y over temp_bed" in page
 
 
 @pytest.mark.parametrize(

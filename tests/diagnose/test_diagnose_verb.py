@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -243,7 +244,10 @@ def test_what_has_no_name_is_described_and_can_be_drawn(unknown: Diagnosis) -> N
     assert (found.component, found.depends_on) == ("z", ("feed", "x"))
     assert "no known effect explains acts along z and depends on feed and x" in text.replace("\n  ", " ")
     assert found.shape is not None
-    assert "one curve times another" in found.shape
+    # The truth turns its sign at 200, and a part of it is the model's.
+    turned = re.search(r"turns round at x = ([\d.]+);", found.shape)
+    assert turned is not None
+    assert float(turned[1]) == pytest.approx(200.0, abs=40.0)
     assert "'empirical:z@feed*x' -o model2.json" in text
     curve = found.curve
     assert curve is not None

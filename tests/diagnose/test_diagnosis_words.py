@@ -93,6 +93,20 @@ def test_what_is_usual(parameter: Parameter, words: str | None) -> None:
     assert plausibility_words(parameter) == words
 
 
+def test_values_of_one_effect_have_one_power_of_ten() -> None:
+    """`1000 ± 1000 ×10⁻¹²` stood beside `−24.4 ± 1.3 ×10⁻⁹`."""
+    kappa_y, kappa_z = (
+        Parameter(name, "1/(K*mm)", value, std)
+        for name, value, std in (("kappa_y", 1.0e-9, 1.02e-9), ("kappa_z", -24.4e-9, 1.3e-9))
+    )
+    both = (kappa_y, kappa_z, Parameter("tau", "s", 300.0, 10.0, low=10.0, high=1e6))
+    first, second = (value_words(one, both) for one in both[:2])
+    assert first.startswith("kappa_y = 1 ± 1 ×10⁻⁹")
+    assert second.startswith("kappa_z = −24.4 ± 1.3 ×10⁻⁹")
+    # What is measured in another unit has a power of its own.
+    assert value_words(both[2], both) == "tau = 300 ± 10 s"
+
+
 def test_how_sure() -> None:
     assert sure_words(2.3e-7) == "certain as can be: chance does as much in one search of 4.3 million (p = 2.3e-07)"
     assert sure_words(0.0) == "certain as can be: chance does as much in fewer than one search of a billion"
@@ -119,7 +133,9 @@ AT = np.linspace(-1.0, 1.0, 41)
         (lambda u: 10.0 * np.exp(3.0 * u), "rises with feed, most of it at high values"),
         (lambda u: 10.0 * u**2, "alike on both sides of the middle (even)"),
         (lambda u: 10.0 * u**2, "falls, then rises with feed (turning at 0)"),
-        (lambda u: 10.0 * np.sin(3.0 * np.pi * u), "goes up and down 7 times over feed"),
+        (lambda u: 10.0 * np.sin(3.0 * np.pi * u), "goes up and down with 6 turns over feed"),
+        # Five and a half of its periods, of which the ends are large: what turns beyond its error is counted.
+        (lambda u: 3.0 * np.sin(5.5 * np.pi * u) + 20.0 * u**81, "goes up and down with 12 turns over feed"),
         (lambda u: 10.0 * np.sin(np.pi * u), "opposite on both sides of the middle (odd)"),
         (lambda u: 0.0 * u, "hardly changes with feed"),
     ],
@@ -145,11 +161,47 @@ def test_the_shape_of_a_direction_and_of_two_variables() -> None:
     at = np.linspace(0.0, 1.0, 9)
     product = Curve("z", ("feed", "z"), (at, at), 10.0 * np.outer(at, 2.0 * at - 1.0), np.full((9, 9), 0.1))
     words = shape_words(product)
-    assert "falls with feed in a straight line at z = 0, rises with feed in a straight line at z = 1" in words
-    assert "one curve times another" in words
+    assert words.startswith("falls with feed in a straight line at z = 0, and turns round at z = 0.5; largest")
     assert "largest (−10.0 µm) at feed = 1, z = 0" in words
     steeper = Curve("z", ("feed", "z"), (at, at), 10.0 * np.outer(at, 1.0 + at), np.full((9, 9), 0.1))
     assert "2 times as much at z = 1 as at 0" in shape_words(steeper)
+
+
+AT_X = np.linspace(0.0, 400.0, 17)
+
+
+@pytest.mark.parametrize(
+    ("along", "words"),
+    [
+        # At both ends of x it rises; between them it turns its sign at 84, 169, 254 and 339.
+        (
+            np.sin(2.0 * np.pi * (AT_X + 1.0) / 170.0),
+            "rises with feed in a straight line at x = 50, and turns round at x = 84.23, 168.6, 254.3 and 338.9",
+        ),
+        (AT_X * (400.0 - AT_X) / 4e4, "rises with feed in a straight line at x = 200, and vanishes at x = 0 and 400"),
+        ((AT_X / 200.0 - 1.0) ** 2, "rises with feed in a straight line at x = 0, and vanishes at x = 200"),
+        (1.0 + AT_X / 400.0, "rises with feed in a straight line, 2 times as much at x = 400 as at 0"),
+        (np.ones(17), "rises with feed in a straight line; largest"),
+    ],
+)
+def test_a_surface_is_told_over_the_whole_range_of_its_second_variable(along: np.ndarray, words: str) -> None:
+    value_um = 10.0 * np.outer(AT[::2], along)
+    std_um = np.full(value_um.shape, 0.1)
+    text = shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um, std_um))
+    assert text.startswith(words)
+    # The sum of two curves is said to be one.
+    text = shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um + 0.05 * AT_X, std_um))
+    assert ", and beside that rises with x in a straight line; largest" in text
+    # An uncertain corner is not where it is largest.
+    value_um[0, -1], std_um[0, -1] = 90.0, 50.0
+    assert "at feed = −1, x = 400" not in shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um, std_um))
+
+
+def test_a_surface_of_several_shapes_is_told_in_the_middle_too() -> None:
+    value_um = 10.0 * np.sin(0.5 * np.pi * AT[::2, None] + np.pi * AT_X / 400.0)
+    text = shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um, np.full(value_um.shape, 0.1)))
+    middle = "rises, then falls with feed (turning at 0) at x = 200"
+    assert text.startswith(f"rises with feed in a straight line at x = 0, {middle}, falls with feed")
 
 
 def test_where_an_effect_is_largest() -> None:

@@ -53,6 +53,18 @@ def test_both_are_named(sizes_um: tuple[tuple[float, float], ...]) -> None:
     assert sorted(found.values()) == pytest.approx(sorted(period_mm for period_mm, _ in sizes_um), rel=3e-3)
 
 
+def test_the_amplitude_is_told_and_its_parts_are_not_judged() -> None:
+    """At this phase one part was said to be usual for another machine than the other part of the same wave."""
+    for finding in diagnosed((16.0, 5.0), (5.0, 5.0)).found:
+        (amplitude,) = finding.amplitudes
+        assert abs(1e3 * amplitude.size.value - 5.0) < 3.0 * 1e3 * amplitude.size.std < 3.0
+        assert "usual" not in "".join(finding.value_words[:2])
+        assert finding.value_words[-1].startswith("amplitude √(A² + B²) = ")
+        document = finding.to_document()
+        assert document["amplitudes"][0]["value"] == amplitude.size.value
+        assert document["parameters"]["A"]["plausible"] is None
+
+
 def test_a_rival_is_not_held_against_another_fit() -> None:
     """Beside few knots, which leave the waves, what explains none of them seemed to raise the held-out error."""
     diagnosis = diagnosed((40.0, 8.0), (3.2, 3.0))

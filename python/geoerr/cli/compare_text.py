@@ -11,9 +11,11 @@ import numpy as np
 from geoerr.cli.fit_text import figure_rows, quality_in_words
 from geoerr.cli.options import note, note_left_out, note_set_aside
 from geoerr.cli.text_tables import named_row, wrapped
-from geoerr.diagnose import Comparison, LengthComparison, Part, Region, Trend
+from geoerr.diagnose import Comparison, LengthComparison, Part, Region, SpreadTrend, Trend
 from geoerr.diagnose.labels import variable_meaning
 from geoerr.diagnose.regions import region_name
+from geoerr.diagnose.spread_trends import spreads_to_tell
+from geoerr.machine import AXES
 from geoerr.measurements import Measurements
 from geoerr.model.fit_words import noise_words
 from geoerr.observations import PIXELS
@@ -142,28 +144,56 @@ def _trend_tables(comparison: Comparison) -> Iterator[str]:
         known = any(other.variable == trend.variable or _is_same(other, trend) for other in shown)
         if trend.worth_um >= least and not known:
             shown.append(trend)
+    spreads = spreads_to_tell(comparison.spread_trends, least)[:_MOST_TRENDS]
     yield ""
     if not shown:
-        yield "the residual follows nothing in these data by more than a tenth of itself"
-        return
+        whose = "mean of the residual" if spreads else "residual"
+        yield f"the {whose} follows nothing in these data by more than a tenth of itself"
+    else:
+        yield from _of_means(comparison, shown)
+    yield from _of_spreads(comparison, spreads, shown[:_MOST_TRENDS])
+
+
+def _of_means(comparison: Comparison, shown: Sequence[Trend]) -> Iterator[str]:
     behind = ", pixels last" if any(trend.variable in PIXELS for trend in comparison.trends) else ""
     yield from wrapped(
-        f"what the residual follows (mean ± standard error of its bins, µm), the largest first{behind}:"
+        f"what the residual follows (mean ± standard error of its bins, their rms, µm), the largest first{behind}:"
     )
     for trend in shown[:_MOST_TRENDS]:
-        what = "radius" if trend.component == "radius" else f"along {trend.component}"
-        over = f"{what} over {trend.variable} ({variable_meaning(trend.variable)})"
+        over = f"{_along(trend.component)} over {trend.variable} ({variable_meaning(trend.variable)})"
         yield from wrapped(f"{over}: worth {trend.worth_um:.2f} µm", "  ")
-        for one in trend.bins:
-            span = f"{one.low:.6g}" if one.low == one.high else f"{one.low:.6g} to {one.high:.6g}"
-            error = "–" if math.isnan(one.std_error_um) else f"{one.std_error_um:.2f}"
-            yield f"    {span:<28}{_signed(one.mean_um, 2):>10} ± {error:<8}{one.n:>8} rows"
+        yield from _bins(trend)
     rest = [
         f"{trend.component} over {trend.variable} ({variable_meaning(trend.variable)}) {trend.worth_um:.1f}"
         for trend in shown[_MOST_TRENDS:]
     ]
     if rest:
         yield from wrapped(f"then, in µm: {'; '.join(rest[:_MOST_LINES])}", "  ")
+
+
+def _of_spreads(comparison: Comparison, spreads: Sequence[SpreadTrend], shown: Sequence[Trend]) -> Iterator[str]:
+    for one in spreads:
+        yield from wrapped(
+            f"its size follows {one.variable} ({variable_meaning(one.variable)}), {_along(one.component)}: "
+            f"{one.least_um:.1f} to {one.most_um:.1f} µm rms about the mean (p = {one.p_value:.1g})"
+        )
+        of_it = next(
+            each for each in comparison.trends if (each.variable, each.component) == (one.variable, one.component)
+        )
+        # The bins of those that are shown above are known.
+        if of_it not in shown:
+            yield from _bins(of_it)
+
+
+def _along(component: str) -> str:
+    return f"along {component}" if component in AXES else component
+
+
+def _bins(trend: Trend) -> Iterator[str]:
+    for one in trend.bins:
+        span = f"{one.low:.6g}" if one.low == one.high else f"{one.low:.6g} to {one.high:.6g}"
+        error = "–" if math.isnan(one.std_error_um) else f"{one.std_error_um:.2f}"
+        yield f"    {span:<28}{_signed(one.mean_um, 2):>10} ± {error:<8}{one.rms_um:>8.2f} rms{one.n:>8} rows"
 
 
 def _is_same(one: Trend, other: Trend) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 
 from geoerr.diagnose.document import comparison_document
 from geoerr.effects import plausible_what
+from geoerr.effects.amplitudes import amplitudes_by_term, parts_of
 from geoerr.fit import FitResult, Fitted
 from geoerr.fit.elsewhere import beyond_the_lines_um, places_left_out
 from geoerr.machine import AXES
@@ -41,15 +42,19 @@ def fit_document(
     fitted, record = result.fitted, result.model.record
     assert record is not None
     document = result.to_document()
+    amplitudes = amplitudes_by_term(fitted.terms, fitted.covariance)
     for term in fitted.terms:
+        parts = parts_of(amplitudes[term.id])
         for parameter in (*term.coefficients, *term.inner):
-            document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible_what(parameter)
+            plausible = None if parameter.name in parts else plausible_what(parameter)
+            document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible
     missed_um = beyond_the_lines_um(before, fitted)
     by_line_um = None if missed_um is None else {"before": missed_um[0], "after": missed_um[1]}
     by_place = {axis: places_left_out(fitted, axis) for axis in AXES}
     return {
         "output": None if output is None else str(output),
         **document,
+        "amplitudes": {name: [one.to_document() for one in own] for name, own in amplitudes.items() if own},
         "held_out_by_line_um": by_line_um,
         "held_out_by_place_um": {axis: None if one is None else one.um() for axis, one in by_place.items()},
         "before": comparison_document(before),

@@ -11,7 +11,8 @@ import numpy as np
 
 from geoerr.cli.text_tables import WIDTH, wrapped
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.words import alike_words, bounded_value_words, plausibility_words
+from geoerr.diagnose.words import alike_words, amplitude_words, bounded_value_words, plausibility_words
+from geoerr.effects.amplitudes import Amplitude, amplitudes_by_term, parts_of
 from geoerr.error_functions import (
     LI_NAMES,
     ErrorFunction,
@@ -198,24 +199,32 @@ def effect_rows(fitted: Fitted) -> Iterator[str]:
     yield "effects:"
     chance = chance_of_nothing(fitted)
     unknown = {item.name: item.why for item in fitted.not_determined}
+    amplitudes = amplitudes_by_term(fitted.terms, fitted.covariance)
     for term in effects:
-        yield from _parameter_rows(term, fitted)
+        yield from _parameter_rows(term, fitted, amplitudes[term.id])
         if term.id in unknown:
             yield from wrapped(f"not determined: {unknown[term.id]}", "    ")
         elif chance.get(term.id, 0.0) > SIGNIFICANCE:
             yield f"    these data do not tell it from nothing (p = {chance[term.id]:.2g})"
 
 
-def _parameter_rows(term: Term, fitted: Fitted) -> Iterator[str]:
+def _parameter_rows(term: Term, fitted: Fitted, amplitudes: Sequence[Amplitude]) -> Iterator[str]:
     """Give a term's parameters: a moment on the clock of all sessions by its session, a period with those alike."""
     moments, alike = moments_of(term, fitted.sightings), other_periods(fitted, term)
     yield from wrapped(f"{term.id}: {term.title}" + (" (measuring rig)" if term.is_rig else ""), "  ")
-    for parameter in (*term.coefficients, *term.inner):
+    parameters = (*term.coefficients, *term.inner)
+    for parameter in parameters:
         moment = moments.get(parameter.name)
         read = parameter if moment is None else replace(parameter, unit=moment.unit)
-        words = plausibility_words(parameter, inner=term.inner) if moment is None else moment.words()
+        words = None if moment is None else moment.words()
+        if moment is None and parameter.name not in parts_of(amplitudes):
+            words = plausibility_words(parameter, inner=term.inner, beside=parameters)
         others = f", or {alike_words(alike[parameter.name], read.unit)}" if parameter.name in alike else ""
-        yield from wrapped(bounded_value_words(read) + ("" if words is None else f" ({words})") + others, "    ")
+        yield from wrapped(
+            bounded_value_words(read, parameters) + ("" if words is None else f" ({words})") + others, "    "
+        )
+    for one in amplitudes:
+        yield from wrapped(amplitude_words(one), "    ")
 
 
 def with_std(value: float, std: float | None) -> str:

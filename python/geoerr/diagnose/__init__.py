@@ -12,6 +12,7 @@ from geoerr.diagnose.lengths import LengthComparison
 from geoerr.diagnose.parts import Part
 from geoerr.diagnose.regions import Region
 from geoerr.diagnose.set_up import SetUp
+from geoerr.diagnose.spread_trends import SpreadTrend
 from geoerr.diagnose.trends import Bin, Trend
 from geoerr.diagnose.where import Where
 
@@ -31,6 +32,7 @@ __all__ = [
     "Region",
     "Separation",
     "SetUp",
+    "SpreadTrend",
     "Trend",
     "Unknown",
     "Verdict",

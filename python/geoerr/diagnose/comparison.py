@@ -17,6 +17,7 @@ from geoerr.diagnose.own_uncertainty import OwnUncertainty, own_uncertainty
 from geoerr.diagnose.parts import Part, by_carrier, by_direction, by_session, by_target, by_text
 from geoerr.diagnose.regions import Region, regions_of
 from geoerr.diagnose.set_up import SetUp, set_up_of
+from geoerr.diagnose.spread_trends import SpreadTrend, spread_trends_of
 from geoerr.diagnose.summary import comparison_html
 from geoerr.diagnose.trends import Trend, trends_of
 from geoerr.distributions import chi_squared_sf, f_sf
@@ -155,6 +156,11 @@ class Comparison:
     def trends(self) -> tuple[Trend, ...]:
         """What the residual follows, the largest trend first, those over pixels behind all others."""
         return trends_of(self.points)
+
+    @cached_property
+    def spread_trends(self) -> tuple[SpreadTrend, ...]:
+        """What the size of the residual follows about its means, the surest first, those over pixels behind."""
+        return spread_trends_of(self.points)
 
     @cached_property
     def set_up(self) -> SetUp | None:

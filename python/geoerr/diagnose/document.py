@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -105,12 +106,14 @@ def _where(comparison: Comparison, fitted: Fitted) -> dict[str, Any]:
                         "n": one.n,
                         "mean_um": one.mean_um,
                         "std_error_um": one.std_error_um,
+                        "rms_um": one.rms_um,
                     }
                     for one in trend.bins
                 ],
             }
             for trend in comparison.trends
         ],
+        "spread_trends": [asdict(one) | {"stands_out": one.stands_out} for one in comparison.spread_trends],
         "outliers": _rows(fitted, np.flatnonzero(~fitted.solved.used)),
         "left_out": dict(fitted.sightings.left_out),
         "notes": list(fitted.sightings.notes),

@@ -12,6 +12,7 @@ from geoerr.diagnose.shape import shape_words
 from geoerr.diagnose.where import Where
 from geoerr.diagnose.words import (
     alike_words,
+    amplitude_words,
     as_good_words,
     bounded_value_words,
     is_open,
@@ -20,6 +21,7 @@ from geoerr.diagnose.words import (
     um_words,
 )
 from geoerr.effects import Effect
+from geoerr.effects.amplitudes import Amplitude, parts_of
 from geoerr.effects.plausible import plausible_what
 from geoerr.fit.elsewhere import beyond_the_lines_words
 from geoerr.fit.empirical import Curve
@@ -198,6 +200,8 @@ class Finding(Named):
         stands for itself.
     left_because
         Why it is not among what was found; None of what is, or is tied with it, and where the search knows no reason.
+    amplitudes
+        Of its waves: whether such a size is usual is asked of these, not of their parts.
     """
 
     where: Where
@@ -208,6 +212,7 @@ class Finding(Named):
     as_good: dict[str, tuple[float, ...]] = field(default_factory=dict)
     together: tuple[str, ...] = ()
     left_because: str | None = None
+    amplitudes: tuple[Amplitude, ...] = ()
 
     @property
     def company_words(self) -> str:
@@ -235,20 +240,22 @@ class Finding(Named):
         if len(self.parameters) > _MOST_VALUES:
             return (f"a curve of {len(self.parameters)} numbers",)
         signs = {spec.name: spec.sign for spec in self.effect.coefficients}
+        parts = parts_of(self.amplitudes)
         texts = []
         for parameter in self.parameters:
             moment = self.moments.get(parameter.name)
-            text = bounded_value_words(parameter if moment is None else replace(parameter, unit=moment.unit))
+            read = parameter if moment is None else replace(parameter, unit=moment.unit)
+            text = bounded_value_words(read, self.parameters)
             words = moment.words() if moment is not None else None
-            if moment is None and not self.in_model:
+            if moment is None and not self.in_model and parameter.name not in parts:
                 # What physics says of a value it does not say of a difference.
-                words = plausibility_words(parameter, signs.get(parameter.name, 0), self.term.inner)
+                words = plausibility_words(parameter, signs.get(parameter.name, 0), self.term.inner, self.parameters)
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:
                 texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"
             if self.as_good.get(parameter.name):
                 texts[-1] += f", or {as_good_words(self.as_good[parameter.name], parameter.unit)}"
-        return tuple(texts)
+        return (*texts, *map(amplitude_words, self.amplitudes))
 
     @property
     def held_out_words(self) -> str | None:
@@ -279,11 +286,14 @@ class Finding(Named):
             document["parameters"][name]["alike"] = list(values)
         for name, values in self.as_good.items():
             document["parameters"][name]["as_good"] = list(values)
+        for name in parts_of(self.amplitudes):
+            document["parameters"][name]["plausible"] = None
         return {
             **document,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "where": self.where.to_document(),
             "words": self.words(),
+            "amplitudes": [one.to_document() for one in self.amplitudes],
             "together": list(self.together),
             "left_because": self.left_because,
         }

@@ -12,11 +12,14 @@ from geoerr.summaries import listed
 from geoerr.terms import is_motion
 
 # A rise against the trend that is smaller than this share of the whole, or than so many standard errors, is none.
-_RIPPLE, _RIPPLE_STD = 0.1, 2.0
+_RIPPLE, _RIPPLE_STD = 0.05, 2.0
 # Share of the sum of squares that makes a curve odd, even or a product.
 _NEARLY_ALL = 0.9
+_SOME = 1.0 - _NEARLY_ALL
 _STRAIGHT = 0.97
 _MOST_TURNS = 3
+# Of more places at which a shape turns round the rest is counted.
+_MOST_PLACES = 6
 
 
 def shape_words(curve: Curve) -> str:
@@ -40,7 +43,7 @@ def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:
         up = _signed(float(value_um[1] - value_um[0]))
         return f"flips by {swing:.1f} µm with the direction of {name[2:]} ({up} µm on the way up)"
     ways = _ways(value_um, std_um)
-    end = f"{at[0]:.4g} to {at[-1]:.4g}".replace("-", "−")
+    end = f"{_place(at[0])} to {_place(at[-1])}"
     texts = [f"{_course(name, at, value_um, ways)}, {swing:.1f} µm in all ({name} {end})"]
     if len(ways) > 1:
         texts += _symmetry(at, value_um, len(ways))
@@ -49,7 +52,7 @@ def _one(name: str, at: Numbers, value_um: Numbers, std_um: Numbers) -> str:
 
 def _ways(value_um: Numbers, std_um: Numbers) -> list[tuple[int, int, int]]:
     """Cut a curve into rises (+1) and falls (−1) that are more than ripples: sign, first and last place."""
-    least = max(_RIPPLE * float(np.ptp(value_um)), _RIPPLE_STD * float(np.median(std_um)) * 0.5)
+    least = _least(float(np.ptp(value_um)), std_um)
     turns = [0]
     for place in range(1, len(value_um)):
         # Keep the extreme of the way that is being gone, and turn where it is left by more than a ripple.
@@ -66,18 +69,25 @@ def _ways(value_um: Numbers, std_um: Numbers) -> list[tuple[int, int, int]]:
     return [(int(np.sign(value_um[b] - value_um[a])), a, b) for a, b in itertools.pairwise(turns)]
 
 
+def _least(whole_um: float, std_um: Numbers) -> float:
+    """Give the smallest change that is more than a ripple of what changes by so much as a whole."""
+    return max(_RIPPLE * whole_um, _RIPPLE_STD * float(np.median(std_um)))
+
+
 def _course(name: str, at: Numbers, value_um: Numbers, ways: list[tuple[int, int, int]]) -> str:
     if not ways:
         return f"hardly changes with {name}"
     if len(ways) == 1:
         verb = "rises" if ways[0][0] > 0 else "falls"
-        straight = abs(float(np.corrcoef(at, value_um)[0, 1])) if len(at) > 2 else 1.0
+        if len(at) == 2:
+            return f"{verb} with {name}"
+        straight = abs(float(np.corrcoef(at, value_um)[0, 1]))
         return f"{verb} with {name}{_bend(at, value_um) if straight < _STRAIGHT else ' in a straight line'}"
     if len(ways) <= _MOST_TURNS:
         verbs = ["rises" if sign > 0 else "falls" for sign, _, _ in ways]
-        places = [f"{at[last]:.4g}".replace("-", "−") for _, _, last in ways[:-1]]
+        places = [_place(at[last]) for _, _, last in ways[:-1]]
         return f"{', then '.join(verbs)} with {name} (turning at {listed(places)})"
-    return f"goes up and down {len(ways)} times over {name}"
+    return f"goes up and down with {len(ways) - 1} turns over {name}"
 
 
 def _bend(at: Numbers, value_um: Numbers) -> str:
@@ -109,27 +119,72 @@ def _symmetry(at: Numbers, value_um: Numbers, n_ways: int) -> list[str]:
 
 
 def _two(curve: Curve) -> str:
+    """Say what a surface is along its first variable, how that changes over the whole range of the second, and both.
+
+    What changes along the first is one shape whose size follows the second, or it is told where the second begins, in
+    the middle and where it ends.
+    """
     first, second = curve.variables
     value_um, std_um = curve.value_um, curve.std_um
-    column, row = (int(place) for place in np.unravel_index(int(np.argmax(np.abs(value_um))), value_um.shape))
-    largest = (
-        f"largest ({_signed(value_um[column, row])} µm) at {first} = {curve.at[0][column]:.4g}, "
-        f"{second} = {curve.at[1][row]:.4g}"
-    ).replace("-", "−")
-    low, high = (
-        _course(first, curve.at[0], value_um[:, place], _ways(value_um[:, place], std_um[:, place]))
-        for place in (0, -1)
-    )
-    ends = [f"{curve.at[1][place]:.4g}".replace("-", "−") for place in (0, -1)]
-    sizes = np.ptp(value_um, axis=0)
-    if low == high:
-        growth = sizes[-1] / max(float(sizes[0]), 1e-9)
-        more = (
-            f", {growth:.2g} times as much at {second} = {ends[1]} as at {ends[0]}" if not 0.67 < growth < 1.5 else ""
-        )
-        return f"{low}{more}; {largest}"
-    both = f"{low} at {second} = {ends[0]}, {high} at {second} = {ends[1]}"
-    return f"{both}{_product(value_um)}; {largest}"
+    # A corner where nothing was measured is large and uncertain.
+    sure_um = np.abs(value_um) - _RIPPLE_STD * std_um
+    column, row = (int(place) for place in np.unravel_index(int(np.argmax(sure_um)), value_um.shape))
+    largest = f"largest ({_signed(value_um[column, row])} µm) at {first} = {_place(curve.at[0][column])}, "
+    largest += f"{second} = {_place(curve.at[1][row])}"
+    alone = value_um.mean(axis=0)
+    left, size, right = np.linalg.svd(value_um - alone, full_matrices=False)
+    whole = float((size**2).sum())
+    if size[0] ** 2 > _NEARLY_ALL * max(whole, 1e-300):
+        text = _of_one_shape(curve, left[:, 0], size[0] * right[0])
+        beside = float(np.sum((alone - alone.mean()) ** 2)) * len(value_um)
+        # Of one curve times another what the second does alone is a part of the product.
+        no_product = float((np.linalg.svd(value_um, compute_uv=False)[1:] ** 2).sum())
+        if beside > _SOME * whole and no_product > _SOME * beside:
+            text += f", and beside that {_course(second, curve.at[1], alone, _ways(alone, std_um))}"
+    else:
+        text = _of_several_shapes(curve)
+    return f"{text}; {largest}"
+
+
+def _of_one_shape(curve: Curve, shape: Numbers, factor: Numbers) -> str:
+    """Say what a shape (m,) along the first variable is, and where a factor (k,) over the second turns it round."""
+    (first, second), (along, over) = curve.variables, curve.at
+    swing_um = factor * float(np.ptp(shape))
+    most_um = float(np.abs(swing_um).max())
+    told = np.flatnonzero(np.abs(swing_um) > _least(most_um, curve.std_um))
+    if not len(told):
+        return f"hardly changes with {first}"
+    turned = [(a, b) for a, b in itertools.pairwise(told) if swing_um[a] * swing_um[b] < 0.0]
+    before = told[told <= turned[0][0]] if turned else told
+    peak = int(before[np.argmax(np.abs(swing_um[before]))])
+    course = _course(first, along, shape * factor[peak], _ways(shape * factor[peak], curve.std_um))
+    if turned:
+        first_turned = np.array(turned[:_MOST_PLACES])
+        (before_um, after_um), (low, high) = swing_um[first_turned.T], over[first_turned.T]
+        where = listed([_place(one) for one in low + (high - low) * before_um / (before_um - after_um)])
+        more = f" and {len(turned) - _MOST_PLACES} times more" if len(turned) > _MOST_PLACES else ""
+        return f"{course} at {second} = {_place(over[peak])}, and turns round at {second} = {where}{more}"
+    gone = np.flatnonzero(np.abs(swing_um) <= _RIPPLE * most_um)
+    if len(gone):
+        # Of places beside each other the one where least is left.
+        beside = np.split(gone, np.flatnonzero(np.diff(gone) > 1) + 1)
+        least = [own[np.argmin(np.abs(swing_um[own]))] for own in beside]
+        where = listed([_place(over[one]) for one in least])
+        return f"{course} at {second} = {_place(over[peak])}, and vanishes at {second} = {where}"
+    growth = float(swing_um[-1] / swing_um[0])
+    ends = [_place(one) for one in over[[0, -1]]]
+    more = f", {growth:.2g} times as much at {second} = {ends[1]} as at {ends[0]}" if not 0.67 < growth < 1.5 else ""
+    return f"{course}{more}"
+
+
+def _of_several_shapes(curve: Curve) -> str:
+    """Say what a surface is along its first variable where the second begins, in the middle, and where it ends."""
+    (first, second), (along, over) = curve.variables, curve.at
+    texts = []
+    for place in (0, len(over) // 2, len(over) - 1):
+        own = curve.value_um[:, place]
+        texts.append(f"{_course(first, along, own, _ways(own, curve.std_um))} at {second} = {_place(over[place])}")
+    return ", ".join(texts)
 
 
 def _three(curve: Curve) -> str:
@@ -141,16 +196,13 @@ def _three(curve: Curve) -> str:
     first, second = (curve.cut(place).value_um for place in (largest, other))
     is_turned = float(((first - first.mean()) * (second - second.mean())).sum()) < 0.0
     share = float(np.ptp(second)) / max(float(np.ptp(first)), 1e-9)
-    places = [f"{name} = {at[place]:.4g}".replace("-", "−") for place in (largest, other)]
+    places = [f"{name} = {_place(at[place])}" for place in (largest, other)]
     change = f"{'upside down and ' if is_turned else ''}{share:.2g} times as large at {places[1]}"
     return f"{_two(curve.cut(largest))}; so at {places[0]}, {change}"
 
 
-def _product(value_um: Numbers) -> str:
-    """Say whether a surface is one curve times another, beside what each variable does alone."""
-    inner = value_um - value_um.mean(axis=0) - value_um.mean(axis=1, keepdims=True) + value_um.mean()
-    size = np.linalg.svd(inner, compute_uv=False) ** 2
-    return " (one curve times another)" if size[0] > _NEARLY_ALL * max(float(size.sum()), 1e-300) else ""
+def _place(value: float) -> str:
+    return f"{value:.4g}".replace("-", "−")
 
 
 def _signed(value: float) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from geoerr.diagnose.spread_trends import spreads_to_tell
 from geoerr.diagnose.words import chance_words
 from geoerr.fit import figures_document
 from geoerr.model.fit_words import FIGURES
@@ -43,6 +44,13 @@ def comparison_html(comparison: Comparison) -> str:
             table_html(
                 ("the residual follows", "along", "worth, µm"),
                 [(one.variable, one.component, number_text(one.worth_um)) for one in trends],
+            ),
+            table_html(
+                ("its size follows", "along", "rms, µm"),
+                [
+                    (one.variable, one.component, f"{number_text(one.least_um)} to {number_text(one.most_um)}")
+                    for one in spreads_to_tell(comparison.spread_trends, 0.0)[:_MOST_TRENDS]
+                ],
             ),
         ]
     if comparison.lengths is not None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from geoerr.diagnose.advice import advise
 from geoerr.diagnose.answer import Verdict, held_out_um, with_terms
 from geoerr.diagnose.between_passes import between_passes
@@ -13,6 +15,7 @@ from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
 from geoerr.diagnose.probes import Probe, curve_reference, curve_term
+from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search import (
     Found,
     Judged,
@@ -27,6 +30,7 @@ from geoerr.diagnose.search import (
 )
 from geoerr.diagnose.steps import Steps
 from geoerr.diagnose.where import Where, displacement_um, variables_of_term, where_of
+from geoerr.effects.amplitudes import Amplitude, amplitudes_of, wave_pairs
 from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
@@ -294,6 +298,7 @@ class _Summary:
             in_model=self._is_in_model(reference, settled.term),
             together=together,
             left_because=left_because,
+            amplitudes=_amplitudes(settled),
         )
 
     def _is_in_model(self, reference: EffectReference, term: Term) -> bool:
@@ -341,6 +346,19 @@ class _Summary:
             held_out,
             beyond_um,
         )
+
+
+def _amplitudes(settled: Settled) -> tuple[Amplitude, ...]:
+    """Give the amplitudes of a find's waves: correlations of its coefficients, and their standard errors as told."""
+    term = settled.term
+    if term is None or not wave_pairs(term):
+        return ()
+    _, root, _ = estimate(settled.space, settled.raw)
+    of_coefficients = root[: len(term.coefficients)]
+    size = np.linalg.norm(of_coefficients, axis=1)
+    told = np.array([one.std for one in term.coefficients])
+    scaled = of_coefficients * np.divide(told, size, out=np.zeros_like(size), where=size > 0.0)[:, None]
+    return amplitudes_of(term, scaled @ scaled.T)
 
 
 def _advised(finding: Finding, separation: Separation | None) -> Finding:

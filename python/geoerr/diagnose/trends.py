@@ -35,10 +35,10 @@ _MOST_KEPT = 200_000
 
 @dataclass(frozen=True)
 class Bin:
-    """Rows whose variable lies from `low` to `high`: mean of a residual and its standard error, µm.
+    """Rows whose variable lies from `low` to `high`: mean of a residual, its standard error and its rms, µm.
 
     The standard error counts rows of one pass as what they have in common, where the bin holds several passes; never
-    less than that of independent rows. NaN of a single row.
+    less than that of independent rows. NaN of a single row. What turns its sign within the bin is in the rms alone.
     """
 
     low: float
@@ -46,6 +46,12 @@ class Bin:
     n: int
     mean_um: float
     std_error_um: float
+    rms_um: float
+
+    @property
+    def spread_um(self) -> float:
+        """Root mean square about the mean."""
+        return math.sqrt(max(self.rms_um**2 - self.mean_um**2, 0.0))
 
 
 @dataclass(frozen=True)
@@ -172,14 +178,15 @@ def _bin(low: float, high: float, residual_um: Numbers, own_pass: np.ndarray) ->
     """Sum up the rows of a bin; `own_pass` (n,) numbers the passes that it has."""
     n = len(residual_um)
     mean = float(residual_um.mean())
+    rms = math.sqrt(float(residual_um @ residual_um) / n)
     deviation = residual_um - mean
     if n < 2:
-        return Bin(low, high, n, mean, math.nan)
+        return Bin(low, high, n, mean, math.nan, rms)
     variance = float(deviation @ deviation) / (n - 1) / n
     sums = np.bincount(own_pass, weights=deviation)
     if len(sums) > 1:
         variance = max(variance, len(sums) / (len(sums) - 1) * float(sums @ sums) / n**2)
-    return Bin(low, high, n, mean, math.sqrt(variance))
+    return Bin(low, high, n, mean, math.sqrt(variance), rms)
 
 
 def _worth_um(bins: tuple[Bin, ...]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from geoerr.effects.amplitudes import Amplitude
 from geoerr.effects.plausible import (
     MAX_RELATIVE_STD,
     beyond_all,
@@ -44,23 +45,36 @@ _CERTAIN_STD = 2.0
 _SURE = ((1e-6, "certain as can be"), (1e-3, "very sure"), (0.025, "sure"), (0.05, "nearly sure"))
 
 
-def value_words(parameter: Parameter) -> str:
+def value_words(parameter: Parameter, beside: Sequence[Parameter] = ()) -> str:
     """Write a parameter with its standard error, to the second figure of it, and its unit as people read it.
 
     Linear coefficients in mm and rad are read in µm and µrad; inner parameters (places, lags, periods) as they are.
+    Values of one effect and unit have one power of ten: `beside` are its parameters.
     """
     if is_open(parameter):
         return f"{parameter.label} is not determined by these data"
-    unit, factor = _read_in(parameter)
+    unit, factor = _read_in(parameter, beside)
     # At the end of a range the value is a bound, and its error is none.
     value, std = (nearest_end(parameter), 0.0) if is_at_an_end(parameter) else (parameter.value, parameter.std)
     return f"{parameter.label} = {_number(value * factor, std * factor)} {unit}".rstrip()
 
 
-def bounded_value_words(parameter: Parameter) -> str:
+def bounded_value_words(parameter: Parameter, beside: Sequence[Parameter] = ()) -> str:
     """Say besides where the value is a bound: the standard errors of the others know nothing of other values."""
     bound = f", {BOUND}" if is_at_an_end(parameter) else ""
-    return f"{value_words(parameter)}{bound}"
+    return f"{value_words(parameter, beside)}{bound}"
+
+
+def amplitude_words(amplitude: Amplitude) -> str:
+    """Write a wave's amplitude with its standard error and what it is usual for; a bound where it may be 0."""
+    size = amplitude.size
+    unit, factor = _read_in(size)
+    name = f"amplitude √({amplitude.sine}² + {amplitude.cosine}²)"
+    if not amplitude.is_told:
+        return f"{name} at most {number_words(amplitude.most * factor)} {unit}: not told from 0"
+    usual = plausibility_words(size)
+    number = f"{name} = {_number(size.value * factor, size.std * factor)} {unit}".rstrip()
+    return number if usual is None else f"{number} ({usual})"
 
 
 def is_open(parameter: Parameter) -> bool:
@@ -68,7 +82,9 @@ def is_open(parameter: Parameter) -> bool:
     return math.isfinite(parameter.value) and math.isnan(parameter.std)
 
 
-def plausibility_words(parameter: Parameter, sign: int = 0, inner: Sequence[Parameter] = ()) -> str | None:
+def plausibility_words(
+    parameter: Parameter, sign: int = 0, inner: Sequence[Parameter] = (), beside: Sequence[Parameter] = ()
+) -> str | None:
     """Say whether physics would give the value, or such a size is usual; None where nothing is known of it.
 
     Parameters
@@ -78,6 +94,8 @@ def plausibility_words(parameter: Parameter, sign: int = 0, inner: Sequence[Para
     inner
         The inner parameters of its term. Beside one that is at the end of its range a value is another than it would
         be with the right one.
+    beside
+        The parameters of its term: known values are written in the power of ten that these have.
     """
     if has_wrong_sign(parameter, sign):
         return f"not physical: it cannot be {'negative' if sign > 0 else 'positive'}"
@@ -86,7 +104,7 @@ def plausibility_words(parameter: Parameter, sign: int = 0, inner: Sequence[Para
     bounds = [one.name for one in inner if one.name != parameter.name and is_at_an_end(one)]
     if bounds:
         return f"not to be compared with known values: {listed(bounds)} is at the end of its range"
-    unit, factor = _read_in(parameter)
+    unit, factor = _read_in(parameter, beside)
     match = plausible_match(parameter)
     if match is not None:
         return f"plausible: {match.what} has {number_words(match.value * factor)}"
@@ -165,13 +183,14 @@ def um_words(value_um: float) -> str:
     return f"{value_um:.{0 if value_um >= 100.0 else 1}f} µm"
 
 
-def _read_in(parameter: Parameter) -> tuple[str, float]:
+def _read_in(parameter: Parameter, beside: Sequence[Parameter] = ()) -> tuple[str, float]:
     unit = "" if parameter.unit == "1" and parameter.low is not None else parameter.unit
     if parameter.low is not None:
         return unit, 1.0
     if unit in _READ_IN:
         return _READ_IN[unit]
-    size = abs(parameter.value)
+    others = [one for one in beside if one.unit == parameter.unit and one.low is None and math.isfinite(one.value)]
+    size = max([abs(parameter.value), *(abs(one.value) for one in others)])
     if size == 0.0:
         # Of nothing the unit does not matter, and this one would read as a number.
         return "" if unit.startswith("1/") else unit, 1.0

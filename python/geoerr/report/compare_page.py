@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from geoerr.diagnose import Comparison, LengthComparison, Part, Trend
+from geoerr.diagnose import Comparison, LengthComparison, Part, SpreadTrend, Trend
+from geoerr.diagnose.spread_trends import spreads_to_tell
 from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
 from geoerr.report.page import Block, Figure, Maker, Paragraph, Progress, Section, Table, made, write_report
 from geoerr.report.provenance import Provenance
@@ -129,7 +131,12 @@ def _what_it_follows(comparison: Comparison) -> list[Section]:
         table = _trend_table(shown)
     elif comparison.trends:
         table = Paragraph("The residual follows nothing that was looked at.")
-    return [Section("What the residual follows", (table, *follows))]
+    spreads = spreads_to_tell(comparison.spread_trends, _LEAST_WORTH_UM)
+    tables: list[Block] = [table, *([_spread_table(spreads)] if spreads else [])]
+    told = {(one.variable, one.component) for one in shown[:_MOST_TRENDS]}
+    told |= {(one.variable, one.component) for one in spreads[:_MOST_TRENDS]}
+    tables += [_bin_table(trend) for trend in comparison.trends if (trend.variable, trend.component) in told]
+    return [Section("What the residual follows", (*tables, *follows))]
 
 
 def _part_table(title: str, parts: Sequence[Part]) -> Table:
@@ -152,6 +159,40 @@ def _trend_table(trends: Sequence[Trend]) -> Table:
         ("over", "component", "worth, µm"),
         rows,
     )
+
+
+def _spread_table(spreads: Sequence[SpreadTrend]) -> Table:
+    rows = tuple(
+        (
+            variable_label(one.variable),
+            one.component,
+            f"{one.least_um:.2f}",
+            f"{one.most_um:.2f}",
+            f"{one.p_value:.1g}",
+        )
+        for one in spreads
+    )
+    return Table(
+        "What its size follows about the mean of each bin, surest first",
+        ("over", "component", "least rms, µm", "most, µm", "p"),
+        rows,
+    )
+
+
+def _bin_table(trend: Trend) -> Table:
+    rows = tuple(
+        (
+            f"{one.low:.6g}",
+            f"{one.high:.6g}",
+            str(one.n),
+            _number(one.mean_um),
+            "–" if math.isnan(one.std_error_um) else f"{one.std_error_um:.2f}",
+            f"{one.rms_um:.2f}",
+        )
+        for one in trend.bins
+    )
+    header = ("from", "to", "rows", "mean, µm", "its standard error", "rms, µm")
+    return Table(f"{capitalised(trend.component)} over {variable_label(trend.variable)}", header, rows)
 
 
 def _worst_table(worst: Sequence[Mapping[str, Any]]) -> Table:
