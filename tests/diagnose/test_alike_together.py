@@ -10,10 +10,11 @@ import polars as pl
 import pytest
 from hidden_machine import Motion, Noise, Plan, machine, measure, motion
 
-from geoerr.cli.diagnose_text import diagnosis_lines
+from geoerr.cli.diagnose_text import diagnosis_lines, remedy_lines
 from geoerr.diagnose.advice import Advice
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, fit_terms, refit
 from geoerr.observations import Observations
 
@@ -79,6 +80,17 @@ def test_a_bar_in_view_is_advised() -> None:
     assert advice.expected_delta_chi2 is not None
     assert advice.same_again_delta_chi2 is not None
     assert advice.expected_delta_chi2 > 4.0 * advice.same_again_delta_chi2
+
+
+def test_a_pose_of_cameras_is_told_along_axes_of_their_frame() -> None:
+    """A jump along x, y and z was told beside places of the machine, as if these were the same axes."""
+    scale = _of_cameras().found[0]
+    assert scale.frame_words is None
+    for name, is_pose in (("step", True), ("camera-drift", True), ("rig-pixel-locking", False)):
+        found = replace(scale, term=catalogue()[name].term(None, None, machine()))
+        assert (found.frame_words is not None) == is_pose, name
+        assert ("Its x, y and z are the axes of the measuring frame" in found.words()) == is_pose
+        assert ("axes of the measuring frame" in " ".join(remedy_lines(found, "the cameras"))) == is_pose
 
 
 @pytest.mark.parametrize("axis", [0, 2])

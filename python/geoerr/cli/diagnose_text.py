@@ -124,6 +124,8 @@ def remedy_lines(named: Named, device: str) -> Iterator[str]:
         yield from wrapped(IN_MODEL, "    ")
     if named.is_rig:
         yield from wrapped(f"an error of {device} is explained, and never compensated in a program", "    ")
+    if named.frame_words is not None:
+        yield from wrapped(named.frame_words, "    ")
 
 
 def alias_lines(named: Named) -> Iterator[str]:

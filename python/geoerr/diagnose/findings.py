@@ -26,11 +26,14 @@ from geoerr.effects.plausible import plausible_what
 from geoerr.fit.elsewhere import beyond_the_lines_words
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
+from geoerr.machine import AXES
 from geoerr.summaries import capitalised, listed, uncapitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
 # What is said of an effect that a held model has, with another value.
 IN_MODEL = "the model has it with another value, and this is the difference: fit the model to these data"
+# Channels of where the measuring device stands: `rig-tx`, `rig-ry` ...
+_POSE = frozenset(f"rig-{way}{axis}" for way in "tr" for axis in AXES)
 # More coefficients than this are a curve, not numbers to read.
 _MOST_VALUES = 8
 
@@ -123,6 +126,12 @@ class Named(ABC):
     def parameters(self) -> tuple[Parameter, ...]:
         """Values with standard errors: linear, then inner."""
         return (*self.term.coefficients, *self.term.inner)
+
+    @property
+    def frame_words(self) -> str | None:
+        """Whose axes a shift or a turn of the measuring device is told along; None of everything else."""
+        is_pose = any(part.channel in _POSE for part in self.term.parts)
+        return "its x, y and z are the axes of the measuring frame, not the machine's" if is_pose else None
 
     @property
     def is_rig(self) -> bool:
@@ -272,6 +281,7 @@ class Finding(Named):
             self.held_out_words,
             sure_words(self.p_value),
             "it is the cameras', and never compensated" if self.is_rig else None,
+            self.frame_words,
             self.device_words,
             IN_MODEL if self.in_model else None,
         ]
