@@ -450,7 +450,7 @@ class GcodeRewriter:
         cls,
         model: MachineModel | TermMachine,
         *,
-        work_offset_mm: tuple[float, float, float],
+        work_offset_mm: tuple[float, float, float] | None,
         tolerance_mm: float,
         digits: int,
         home_mm: tuple[float, float, float] | None,

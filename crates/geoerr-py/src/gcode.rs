@@ -114,7 +114,7 @@ impl PyGcodeRewriter {
     fn new(
         py: Python<'_>,
         model: AnyMachine<'_>,
-        work_offset_mm: [f64; 3],
+        work_offset_mm: Option<[f64; 3]>,
         tolerance_mm: f64,
         digits: u8,
         home_mm: Option<[f64; 3]>,

@@ -52,7 +52,7 @@ def compensate(
         Path, typer.Option("-o", "--output", metavar="OUT", help="The corrected program; - is standard output.")
     ],
     at: At = None,
-    work_offset: WorkOffset = "0,0,0",
+    work_offset: WorkOffset = None,
     tolerance: Tolerance = 0.005,
     on_unsupported: OnUnsupported = UnsupportedChoice.REFUSE,
     outside_measured: OutsideMeasured = OutsideMeasuredChoice.REFUSE,

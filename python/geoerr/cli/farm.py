@@ -86,7 +86,7 @@ def farm(
         typer.Option("--add", metavar="ID[:AXIS][@COVARIATE]", help="An effect to fit along; may be repeated."),
     ] = None,
     at: At = None,
-    work_offset: WorkOffset = "0,0,0",
+    work_offset: WorkOffset = None,
     tolerance: Tolerance = 0.005,
     on_unsupported: OnUnsupported = UnsupportedChoice.REFUSE,
     outside_measured: OutsideMeasured = OutsideMeasuredChoice.REFUSE,

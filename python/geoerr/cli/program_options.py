@@ -50,7 +50,7 @@ At = Annotated[
     typer.Option("--at", metavar="NAME=VALUE", help="Condition that MODEL depends on; `reference` is a value."),
 ]
 WorkOffset = Annotated[
-    str,
+    str | None,
     typer.Option("--work-offset", metavar="X,Y,Z", help="From the machine's zero to the program's zero (G54), mm."),
 ]
 Tolerance = Annotated[
@@ -98,7 +98,7 @@ Extrapolate = Annotated[
 
 def compensation_options(
     *,
-    work_offset: str,
+    work_offset: str | None,
     tolerance: float,
     on_unsupported: UnsupportedChoice,
     outside_measured: OutsideMeasuredChoice,
@@ -113,7 +113,7 @@ def compensation_options(
     from geoerr.compensate.program import CompensationOptions
 
     return CompensationOptions(
-        work_offset_mm=triple(work_offset, "--work-offset"),
+        work_offset_mm=None if work_offset is None else triple(work_offset, "--work-offset"),
         tolerance_mm=tolerance,
         digits=digits,
         home_mm=None if home is None else triple(home, "--home"),

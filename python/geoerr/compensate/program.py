@@ -55,7 +55,8 @@ class CompensationOptions:
     Attributes
     ----------
     work_offset_mm
-        From the machine's zero to the program's zero (G54).
+        From the machine's zero to the program's zero (G54). None takes it for the machine's; where no firmware is
+        named either, `G53` is not relied on.
     tolerance_mm
         Largest distance of the actual tool position from the programmed one, at the same share of a move.
     digits
@@ -81,7 +82,7 @@ class CompensationOptions:
         naming what is not as it should be.
     """
 
-    work_offset_mm: Triple = (0.0, 0.0, 0.0)
+    work_offset_mm: Triple | None = None
     tolerance_mm: float = 0.005
     digits: int = 4
     home_mm: Triple | None = None
@@ -94,9 +95,9 @@ class CompensationOptions:
 
     def __post_init__(self) -> None:
         """Refuse what would be read as something else, or as nothing."""
-        triple_mm(self.work_offset_mm, "work_offset_mm")
-        if self.home_mm is not None:
-            triple_mm(self.home_mm, "home_mm")
+        for name in ("work_offset_mm", "home_mm"):
+            if getattr(self, name) is not None:
+                triple_mm(getattr(self, name), name)
         if self.firmware is not None:
             check_choice("firmware", self.firmware, get_args(Firmware))
         check_choice("on_unsupported", self.on_unsupported, get_args(OnUnsupported))

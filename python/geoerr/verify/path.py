@@ -141,7 +141,7 @@ def compare_paths(
     after: str | Path,
     *,
     at: Conditions | None = None,
-    work_offset_mm: Triple = (0.0, 0.0, 0.0),
+    work_offset_mm: Triple | None = None,
     home_mm: Triple | None = None,
     firmware: str | None = None,
     sample_step_mm: float = 0.5,
@@ -230,11 +230,15 @@ def compare_paths(
 
 
 def _check_arguments(
-    work_offset_mm: Triple, home_mm: Triple | None, firmware: str | None, sample_step_mm: float, threads: int
+    work_offset_mm: Triple | None,
+    home_mm: Triple | None,
+    firmware: str | None,
+    sample_step_mm: float,
+    threads: int,
 ) -> None:
-    triple_mm(work_offset_mm, "work_offset_mm")
-    if home_mm is not None:
-        triple_mm(home_mm, "home_mm")
+    for name, place_mm in (("work_offset_mm", work_offset_mm), ("home_mm", home_mm)):
+        if place_mm is not None:
+            triple_mm(place_mm, name)
     if firmware is not None:
         check_choice("firmware", firmware, FIRMWARES)
     if not 0.0 < sample_step_mm < math.inf:

@@ -69,7 +69,7 @@ def trace_paths(
     after: str | Path,
     *,
     at: Conditions | None = None,
-    work_offset_mm: Triple = (0.0, 0.0, 0.0),
+    work_offset_mm: Triple | None = None,
     home_mm: Triple | None = None,
     firmware: str | None = None,
     sample_step_mm: float = 0.5,

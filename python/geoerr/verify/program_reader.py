@@ -268,7 +268,7 @@ class ProgramReader:
     def __init__(
         self,
         path: str | Path,
-        work_offset_mm: Triple = (0.0, 0.0, 0.0),
+        work_offset_mm: Triple | None = None,
         home_mm: Triple | None = None,
         firmware: str | None = None,
         windups: Sequence[tuple[int, float]] | None = (),
@@ -293,9 +293,9 @@ class ProgramReader:
         # Whether the line's word selects a coordinate system that is not followed.
         self._is_elsewhere = False
         # Where a mill's zero is nobody knows by itself; printers count from the machine's.
-        self._zero_is_told = [firmware is not None or work_offset_mm != (0.0, 0.0, 0.0)] * 3
-        self._systems: dict[int, Place] = {1: work_offset_mm}
-        self._zero: Place = work_offset_mm
+        self._zero_is_told = [firmware is not None or work_offset_mm is not None] * 3
+        self._zero: Place = work_offset_mm or (0.0, 0.0, 0.0)
+        self._systems: dict[int, Place] = {1: self._zero}
         self._n_tape_marks = 0
         self._is_numbered = False
         self._is_lost = False

@@ -30,7 +30,10 @@ def use_panel() -> list[Any]:
             [
                 html.Div(id="conditions"),
                 html.Label(
-                    [ZERO, dcc.Input("0, 0, 0", id="work-offset", type="text", className="code", **STAYS)]
+                    [
+                        ZERO,
+                        dcc.Input(id="work-offset", type="text", placeholder="0, 0, 0", className="code", **STAYS),
+                    ]
                 ),
                 dcc.Checklist(
                     {"hold": HOLD, "pass": PASS}, [], id="wishes", className="choice tall", **STAYS

@@ -77,7 +77,7 @@ class Wish:
     Attributes
     ----------
     conditions, work_offset
-        As typed: name to value, and the program's zero in machine coordinates.
+        As typed: name to value, and the program's zero in machine coordinates, empty where it is not told.
     holds_outside
         Whether the last error holds beyond the measured range.
     passes_unsupported
@@ -85,7 +85,7 @@ class Wish:
     """
 
     conditions: Mapping[str, str]
-    work_offset: str = "0, 0, 0"
+    work_offset: str = ""
     holds_outside: bool = False
     passes_unsupported: bool = False
 
@@ -99,7 +99,7 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         as `compensate_program`, and for numbers that cannot be read.
     """
     at: dict[str, npt.ArrayLike | str] = {**conditions_of(model, wish.conditions)}
-    offset = work_offset_mm(wish.work_offset)
+    offset = work_offset_mm(wish.work_offset) if wish.work_offset.strip() else None
     options = CompensationOptions(
         work_offset_mm=offset,
         on_unsupported="pass" if wish.passes_unsupported else "refuse",

@@ -441,7 +441,9 @@ def _wire_program(app: Dash, session: Session) -> None:
         State("wishes", "value"),
         prevent_initial_call=True,
     )
-    def _correct(contents: str | None, _: Any, name: str | None, work_offset: str, wishes: Sequence[str]) -> Any:
+    def _correct(
+        contents: str | None, _: Any, name: str | None, work_offset: str | None, wishes: Sequence[str]
+    ) -> Any:
         asked = None
         if ctx.triggered_id == "program":
             asked = (name or "program.gcode", _decoded(contents)) if contents else None
@@ -449,7 +451,7 @@ def _wire_program(app: Dash, session: Session) -> None:
             asked = session.dropped
         if asked is None:
             return no_update, no_update
-        wish = Wish(session.view.conditions, work_offset or "0, 0, 0", "hold" in wishes, "pass" in wishes)
+        wish = Wish(session.view.conditions, work_offset or "", "hold" in wishes, "pass" in wishes)
         try:
             actions.compensate(session, *asked, wish)
         except GeoerrError as error:

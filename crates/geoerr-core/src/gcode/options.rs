@@ -16,9 +16,9 @@ pub enum OnUnsupported {
 /// Everything the rewriting depends on besides the model and the program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// From the machine's zero to the program's (`G54`). Where all are 0 and no firmware is named, it is taken for the
-    /// machine's, but `G53` is not relied on.
-    pub work_offset_mm: [f64; 3],
+    /// From the machine's zero to the program's (`G54`). None takes it for the machine's; where no firmware is named
+    /// either, `G53` is not relied on.
+    pub work_offset_mm: Option<[f64; 3]>,
     /// Largest distance of the actual from the ideal path.
     pub tolerance_mm: f64,
     /// Digits behind the point of a printed axis word in millimetres; inches get one more.
@@ -45,7 +45,7 @@ impl Options {
     /// Options for a machine with these ranges; everything else as the command line has it without options.
     pub fn for_range(range_mm: [(f64, f64); 3]) -> Self {
         Self {
-            work_offset_mm: [0.0; 3],
+            work_offset_mm: None,
             tolerance_mm: 0.005,
             digits: 4,
             home_mm: None,
@@ -75,7 +75,7 @@ impl Options {
         if !(1..=9).contains(&self.digits) {
             return refuse("digits", self.digits.to_string(), "1 to 9 digits are possible");
         }
-        let numbers = self.work_offset_mm.iter().chain(self.home_mm.iter().flatten());
+        let numbers = self.work_offset_mm.iter().chain(&self.home_mm).flatten();
         if let Some(number) = numbers.into_iter().find(|number| !number.is_finite()) {
             return refuse("offset", number.to_string(), "millimetres are needed");
         }

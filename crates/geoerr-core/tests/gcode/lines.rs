@@ -76,7 +76,7 @@ fn increments_carry_their_rounding() {
 
 #[test]
 fn machine_coordinates_and_the_work_offset() {
-    let options = Options { work_offset_mm: [100.1, 0.0, 0.0], ..options() };
+    let options = Options { work_offset_mm: Some([100.1, 0.0, 0.0]), ..options() };
     let lines = rewritten(scaled(), options, "G90\nG0 X0 Y0 Z0\nG53 G0 X100.1\nX100.1\nG53 X0 Y99.8\n");
     assert_eq!(lines[1], "G0 X-0.1000 Y0 Z0");
     assert_eq!(lines[2], "G53 G0 X100.0000", "here already, so said again in the machine's words");

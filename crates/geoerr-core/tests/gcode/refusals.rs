@@ -363,7 +363,7 @@ fn options_that_make_no_sense() {
         Options { tolerance_mm: f64::NAN, ..options() },
         Options { digits: 0, ..options() },
         Options { digits: 10, ..options() },
-        Options { work_offset_mm: [f64::INFINITY, 0.0, 0.0], ..options() },
+        Options { work_offset_mm: Some([f64::INFINITY, 0.0, 0.0]), ..options() },
     ] {
         assert!(matches!(run(scaled(), bad, ""), Err(GcodeError::Option { .. })));
     }

@@ -134,7 +134,7 @@ proptest! {
     ) {
         let work_offset_mm = [3.0, -2.0, 1.5];
         let machine = || bent(CHAINS[chain], [10.0, -20.0, -35.0]);
-        let options = Options { work_offset_mm, tolerance_mm, ..options() };
+        let options = Options { work_offset_mm: Some(work_offset_mm), tolerance_mm, ..options() };
         let (program, positions) = written(&draws, work_offset_mm);
         let outcome = run(machine(), options, &program).unwrap();
         let groups = commands(outcome.text(), work_offset_mm);

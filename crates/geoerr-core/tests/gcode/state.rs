@@ -135,7 +135,7 @@ fn passed_lines_leave_known_what_their_words_say() {
 #[test]
 fn a_zero_that_cannot_be_read_is_lost() {
     let program = "G1 X100.1 Y0 Z0\nG92 X[#1]\nG1 X100.1 Y0 Z0\nG53 G1 X100.1 Y0 Z0\nG1 X100.1\n";
-    let told = Options { work_offset_mm: [0.0, 0.0, 1.0], ..passing() };
+    let told = Options { work_offset_mm: Some([0.0, 0.0, 1.0]), ..passing() };
     let outcome = run(scaled(), told, program).unwrap();
     let lines = outcome.lines();
     assert_eq!(lines[2], "G1 X100.1 Y0 Z0");
@@ -152,7 +152,8 @@ fn where_the_program_s_zero_is_not_told_machine_coordinates_tell_nothing_of_it()
     assert!(lines[3].starts_with("G0 Z") && lines[3].contains('X') && lines[3].contains('Y'), "{}", lines[3]);
     assert_eq!(outcome.warning_names(), ["zero-not-told", "position-unknown"]);
     for (options, before) in [
-        (Options { work_offset_mm: [0.0, 0.0, 1.0], ..options() }, ""),
+        (Options { work_offset_mm: Some([0.0, 0.0, 1.0]), ..options() }, ""),
+        (Options { work_offset_mm: Some([0.0; 3]), ..options() }, ""),
         (Options { firmware: Some(Firmware::RepRapFirmware), ..options() }, ""),
         (options(), "G10 L2 P1 X0 Y0 Z0\n"),
         (options(), "G10 L2 P2 X0 Y0 Z0\nG55\n"),
@@ -169,7 +170,7 @@ fn where_the_program_s_zero_is_not_told_machine_coordinates_tell_nothing_of_it()
 #[test]
 fn a_rapid_to_the_end_of_an_axis_passes() {
     // Y 420 is reached at 420.84, which no axis does.
-    let told = Options { work_offset_mm: [10.0, 0.0, 0.0], ..options() };
+    let told = Options { work_offset_mm: Some([10.0, 0.0, 0.0]), ..options() };
     let program = "G0 X90.1 Y0 Z0\nG53 G0 Y420\nG0 X190.2\nG0 Y99.8\n";
     let outcome = run(scaled(), told.clone(), program).unwrap();
     assert_eq!(outcome.lines()[1..], ["G53 G0 Y420", "G0 X190.2", "G0 Y100.0000 X190.0000 Z0.0000"]);

@@ -174,7 +174,7 @@ impl Reader {
     /// A reader at the begin of a program.
     pub fn new(options: Options, map: &impl PathMap) -> Self {
         let mut systems_mm = [Known::NONE; 7];
-        systems_mm[0] = Known::all(options.work_offset_mm);
+        systems_mm[0] = Known::all(options.work_offset_mm.unwrap_or_default());
         Self {
             extrusion: Extrusion::new(options.firmware),
             modes: Modes {
@@ -197,7 +197,7 @@ impl Reader {
                 systems_mm,
                 system: 0,
                 // Printers count from the machine's zero, if nothing else is said.
-                zero_is_told: [options.firmware.is_some() || options.work_offset_mm != [0.0; 3]; 3],
+                zero_is_told: [options.firmware.is_some() || options.work_offset_mm.is_some(); 3],
             },
             inside_mm: std::array::from_fn(|axis| {
                 let ((low_mm, high_mm), (from_mm, to_mm)) =
