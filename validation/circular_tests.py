@@ -165,7 +165,7 @@ def bow(axis: int, across: int, h_um: float) -> Cause:
 
 
 def s_shape(axis: int, across: int, s_um: float) -> Cause:
-    """About its least-squares line, as straightness is told (ISO 230-1): from end to end it would hold a squareness."""
+    """About its least-squares line, as straightness is told (ISO 230-1): from end to end it holds a squareness."""
 
     def displacement(m: Motion, _: np.random.Generator) -> np.ndarray:
         u = (m.q[:, axis] - CENTRE_MM[axis]) / m.radius

@@ -20,5 +20,5 @@ from geoerr.cli.diagnose_text import remedy_lines
 )
 def test_only_what_is_known_is_said(cause: str, remedy: str, said: list[str]) -> None:
     effect = SimpleNamespace(cause=cause, remedy=remedy)
-    named: Any = SimpleNamespace(effect=effect, p_value=0.001, is_rig=False, in_model=False)
+    named: Any = SimpleNamespace(effect=effect, p_value=0.001, is_rig=False, in_model=False, frame_words=None)
     assert list(remedy_lines(named, "the cameras"))[1:] == said

@@ -35,7 +35,23 @@ special = st.lists(st.sampled_from(SPECIAL.split()), max_size=1)
 parts = st.tuples(st.lists(modes, max_size=2), special, st.lists(words, max_size=4, unique_by=lambda word: word[0]))
 line = parts.flatmap(lambda part: st.permutations([*part[0], *part[1], *part[2]])).map(" ".join)
 line |= st.sampled_from(["/1 G91", "N7 /G1 X5", "/ 2 N7 G55", "TRANS X5", "ROT RPL=30", "1 L X+5 R0"])
-line |= st.sampled_from(["D1", "D2", "T1 D0", "L100 P3", "#CS ON", "#Layer", "G54 P3", "G15 H1", "G43 H1", "G49"])
+line |= st.sampled_from(
+    [
+        "D1",
+        "D2",
+        "T1 D0",
+        "L100 P3",
+        "#CS ON",
+        "#Face mill",
+        "#FACE [1]",
+        "G70",
+        "G71",
+        "G54 P3",
+        "G15 H1",
+        "G43 H1",
+        "G49",
+    ]
+)
 line |= st.sampled_from(["G52 X0 Y0", "G0 G17 G80", "G53 G0 Z300", "G4 P1 X5", "G92.1", "G92 X5"])
 line |= st.sampled_from(["%", "M98 P1", "O1 sub", "while true", "M622 J1", "M623", "M01 G0 Z50", "G10 L2 P0 X5"])
 move = st.tuples(st.sampled_from(["G1", "g0", "G01"]), numbers, numbers, numbers).map(

@@ -1,5 +1,6 @@
 """A static reference marker tells whether the machine drifts or what measures it."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from hidden_machine import machine
 
 from geoerr.diagnose.between_passes import BetweenPasses, between_passes
+from geoerr.diagnose.marker import Rise
 from geoerr.diagnose.space import space_of
 from geoerr.fit import FitOptions, fit_terms
 from geoerr.observations import Observations, observations_from_columns
@@ -77,6 +79,14 @@ def test_a_marker_that_moves_less_shows_both() -> None:
     assert "the rest is the machine's" in between.words()
 
 
+def test_a_marker_that_may_stand_still_and_may_not_does_not_tell() -> None:
+    """Of 15 ± 8 µm beside 20 ± 3 the machine was said to drift."""
+    known = found(20.0, 0.0)
+    unsure = replace(known, of_marker=Rise(15.0, 8.0), of_machine=Rise(20.0, 3.0))
+    assert unsure.short_words.startswith("a drift over time (")
+    assert "The fixed marker does not tell which" in unsure.words()
+
+
 def test_without_a_marker_nobody_knows() -> None:
     between = found(20.0, 0.0, has_marker=False)
     assert between.of_marker is None
@@ -93,4 +103,4 @@ def test_standard_errors_are_those_of_the_rise() -> None:
         assert between.of_marker is not None
         # Along whichever component is largest: none of them drifts.
         rises.append(between.of_marker.um / between.of_marker.std_um)
-    assert np.std(rises) == pytest.approx(1.0, rel=0.45)
+    assert np.std(rises) == pytest.approx(1.0, rel=0.4)

@@ -50,6 +50,12 @@ def test_waves_of_the_catalogue(effect: str, axis: str | None, form: str, pairs:
         ("A*sin(2*pi*q/P) + B*cos(2*pi*q/P)^2", False),
         ("A*sin(2*pi*q/P) + B*sin(2*pi*q/P)", False),
         ("A*sin(2*pi*q/P) + B*cos(2*pi*q/P) + B*q", False),
+        ("y*(A*sin(2*pi*q/P) + B*cos(2*pi*q/P))", True),
+        ("A*y*sin(2*pi*q/P) + B*y*cos(2*pi*q/P)", True),
+        ("A*y*sin(2*pi*q/P) + B*z*cos(2*pi*q/P)", False),
+        ("2*A*sin(2*pi*q/P) + B*cos(2*pi*q/P)", False),
+        ("A*sin(2*pi*q/P)/y + B*cos(2*pi*q/P)", False),
+        ("(A*sin(2*pi*q/P))*y + B*cos(2*pi*q/P)", False),
     ],
 )
 def test_only_a_sine_and_a_cosine_of_the_same_argument_are_a_wave(expression: str, is_wave: bool) -> None:

@@ -1,15 +1,18 @@
 """What lies between measured places, and off measured lines, is told by leaving those out."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
+import polars as pl
 import pytest
 from validation.fine_errors import KINDS, MACHINE, measured, nothing
 
 from geoerr.diagnose import add_effect, diagnose
 from geoerr.fit import Fitted, fit_model, refit
 from geoerr.fit.elsewhere import (
+    _lines_of,
     between_the_places,
     beyond_the_lines_um,
     beyond_the_lines_words,
@@ -18,7 +21,7 @@ from geoerr.fit.elsewhere import (
 )
 from geoerr.fit.empirical import empirical_term
 from geoerr.machine import AXES
-from geoerr.observations import Observations, observations_from_columns
+from geoerr.observations import CARRIERS, Lengths, Observations, observations_from_columns
 
 NOISE_UM = 2.0
 LENGTH_MM = 400.0
@@ -143,6 +146,47 @@ def test_a_diagnosis_and_what_adds_its_curve_say_so() -> None:
     again_um = beyond_the_lines_um(change.before, change.after)
     assert again_um == pytest.approx(unknown.beyond_the_lines_um, rel=0.1)
     assert unknown.to_document()["held_out_by_line_um"]["after"] == unknown.beyond_the_lines_um[1]
+
+
+def test_passes_of_one_line_are_one_whatever_they_are_called() -> None:
+    """The third joins the first two: there and back they have names of their own."""
+    data = along_lines(over_a_plane, n_lines=8)
+    lines = data.texts("line")
+    back = np.arange(len(lines)) // 10 % 2 == 1
+    named = [f"{name} back" if is_back else name for name, is_back in zip(lines, back, strict=True)]
+    apart = replace(data, frame=data.frame.with_columns(line=pl.Series(named)))
+    for one in (data, apart):
+        assert int(_lines_of(fit_model(MACHINE, one).fitted.sightings).max()) + 1 == 8
+
+
+def test_markers_take_no_part() -> None:
+    """No axis moves them: they made what is missed look smaller."""
+    data = along_lines(over_a_plane)
+    marker = data.frame.gather_every(4).with_columns(
+        carrier=pl.lit("base"), target=pl.lit("M"), **{f"m{axis}": pl.lit(50.0) for axis in AXES}
+    )
+    seen = fit_model(MACHINE, replace(data, frame=pl.concat([data.frame, marker], how="diagonal_relaxed"))).fitted
+    left_out = lines_left_out(seen)
+    assert left_out is not None
+    is_marker = seen.sightings.carrier == CARRIERS.index("base")
+    assert is_marker.any()
+    assert left_out.is_told[~is_marker].any()
+    assert not left_out.is_told[is_marker].any()
+
+
+def test_lengths_have_no_such_figure() -> None:
+    """One end of a length was left out without the other: 3.7 µm for 1.8 of a machine without errors."""
+    rng = np.random.default_rng(4)
+    ends = np.repeat(rng.integers(1, 8, (60, 2, 3)) * 50.0, 3, axis=0)
+    ends[:, 1] += np.where(np.ptp(ends, axis=1).any(axis=1), 0.0, 50.0)[:, None]
+    columns = {f"{axis}{end + 1}": ends[:, end, index] for index, axis in enumerate(AXES) for end in (0, 1)}
+    measured_mm = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) + 2e-3 * rng.normal(size=len(ends))
+    names = [f"f{number // 3}" for number in range(len(ends))]
+    frame = pl.DataFrame({"feature": names, **columns, "measured": measured_mm, "repeat": np.tile(np.arange(3), 60)})
+    fitted = fit_model(MACHINE, Lengths(frame, ("lengths.csv",)), components="none", effects=("scale:x",)).fitted
+    assert "lengths" in fitted.sightings.frames
+    assert all(places_left_out(fitted, axis) is None for axis in AXES)
+    assert lines_left_out(fitted) is None
 
 
 def test_lines_that_are_run_once_have_no_such_figure() -> None:

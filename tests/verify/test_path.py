@@ -647,6 +647,7 @@ def test_a_rapid_to_the_end_of_an_axis_is_not_compared(tmp_path):
         ("G1 X40 G4 P1", None, False),
         ("G4 X40", None, True),
         ("#CS ON [0,0,0,0,0,30]", None, False),
+        ("#Face mill 50", None, True),
         ("#CS ON [0,0,0,0,0,30]", "marlin", True),
         ("#Layer", None, True),
         ("L100 P3", None, False),

@@ -92,15 +92,17 @@ class BetweenPasses:
         """Give whose drift it is; None where that is not known."""
         if self.of_marker is None or self.of_machine is None:
             return None
-        if self.of_marker.is_none:
-            return "a drift of the machine"
         is_all = self.of_marker.is_that_of(self.of_machine)
+        if self.of_marker.is_none:
+            return None if is_all else "a drift of the machine"
         return f"a drift of the {'measuring device' if is_all else 'machine and of the measuring device'}"
 
     def _marker_words(self) -> str:
         if self.of_marker is None or self.of_machine is None:
             return "A fixed reference marker in the view tells which"
         moved = f"{um_words(abs(self.of_marker.um))} (± {um_words(self.of_marker.std_um)})"
+        if self.of_marker.is_none and self.of_marker.is_that_of(self.of_machine):
+            return f"The fixed marker does not tell which: it moved by {moved}; look at it more often"
         if self.of_marker.is_none:
             return f"The fixed marker stood still while it was measured, within {moved}"
         way = "rose" if self.of_marker.um > 0.0 else "fell"

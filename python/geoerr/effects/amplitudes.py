@@ -18,7 +18,7 @@ from geoerr.effects.plausible import MATCH_STD, plausible_what
 from geoerr.terms import Parameter, Term
 
 _SINE = re.compile(r"(?<![\w.])(sin|cos)\(")
-_BEFORE, _AFTER = re.compile(r"(?<![\w.])([A-Za-z]\w*)\*$"), re.compile(r"\*([A-Za-z]\w*)(?![\w.^(])")
+_NAME = re.compile(r"(?<![\w.])[A-Za-z]\w*")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +62,9 @@ class Amplitude:
 def wave_pairs(term: Term) -> tuple[tuple[str, str], ...]:
     """Give the coefficients that stand before a sine and a cosine of the same argument, and nowhere else."""
     waves: dict[str, set[tuple[str, str]]] = {}
+    coefficients = {one.name for one in term.coefficients}
     for part in term.parts:
-        for name, function, argument in _factors(part.expression or ""):
+        for name, function, argument in _factors(part.expression or "", coefficients):
             waves.setdefault(name, set()).add((function, argument))
     uses = {name: _uses(term, name) for name in waves}
     # Once in a part: in the wave.
@@ -122,15 +123,43 @@ def parts_of(amplitudes: Sequence[Amplitude]) -> set[str]:
     return {name for one in amplitudes for name in (one.sine, one.cosine)}
 
 
-def _factors(expression: str) -> Iterator[tuple[str, str, str]]:
-    """Give name, function and argument of each `NAME*sin(ARGUMENT)` or `sin(ARGUMENT)*NAME`, spaces left out."""
+def _factors(expression: str, coefficients: set[str]) -> Iterator[tuple[str, str, str]]:
+    """Give coefficient and function of each product with a sine or cosine, and all else that it is made of.
+
+    That is the argument, the other factors, and the bracket that it stands in: of a wave both parts have the same.
+    """
     text = re.sub(r"\s", "", expression)
     for match in _SINE.finditer(text):
         end = _closing(text, match.end())
-        argument = text[match.end() : end]
-        named = _BEFORE.search(text[: match.start()]) or _AFTER.match(text[end + 1 :])
-        if named is not None and not text.startswith("^", end + 1):
-            yield named[1], match[1], argument
+        first, last = _product(text, match.start(), end)
+        factors = f"{text[first : match.start()]}~{text[end + 1 : last]}"
+        names = [name for name in _NAME.findall(factors) if name in coefficients]
+        if len(names) == 1 and not text.startswith("^", end + 1):
+            others = re.sub(rf"(?<![\w.]){names[0]}(?!\w)", "1", factors).replace("1*~", "~*1")
+            yield names[0], match[1], f"{text[match.end() : end]} {others} {_bracket(text, first)}"
+
+
+def _product(text: str, first: int, last: int) -> tuple[int, int]:
+    """Give where the product begins and ends of which the text from `first` to `last` is a factor."""
+    depth = 0
+    while first > 0 and (depth or text[first - 1] not in "+-("):
+        first -= 1
+        depth += {")": 1, "(": -1}.get(text[first], 0)
+    last, depth = last + 1, 0
+    while last < len(text) and (depth or text[last] not in "+-)"):
+        depth += {"(": 1, ")": -1}.get(text[last], 0)
+        last += 1
+    return first, last
+
+
+def _bracket(text: str, place: int) -> int:
+    """Give the place of the bracket that is open at a place; -1 where none is."""
+    depth = 0
+    for before in range(place - 1, -1, -1):
+        depth += {")": 1, "(": -1}.get(text[before], 0)
+        if depth < 0:
+            return before
+    return -1
 
 
 def _closing(text: str, start: int) -> int:

@@ -22,6 +22,7 @@ from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES
+from geoerr.observations import CARRIERS
 from geoerr.summaries import listed
 
 # Fewer lines or places stand for nothing between them; so many lines are left out by turns, as passes are; axes with
@@ -73,7 +74,7 @@ def lines_left_out(fitted: Fitted) -> LeftOut | None:
     sightings = fitted.sightings
     line = _lines_of(sightings)
     n_lines = int(line.max(initial=-1)) + 1
-    if n_lines < _FEWEST or sightings.n_passes < _OFTEN * n_lines or "circle" in sightings.frames:
+    if n_lines < _FEWEST or sightings.n_passes < _OFTEN * n_lines or not _are_points(sightings):
         return None
     return _left_out(fitted, line % _MOST_FOLDS, np.ones(len(line), dtype=bool))
 
@@ -83,7 +84,7 @@ def places_left_out(fitted: Fitted, axis: str) -> LeftOut | None:
     sightings = fitted.sightings
     along_mm = sightings.commanded_mm[:, AXES.index(axis)]
     places_mm = positions_by_axis(sightings.commanded_mm, SAME_POSITION_MM)[axis]
-    if not _FEWEST <= len(places_mm) <= _MOST_PLACES or "circle" in sightings.frames:
+    if not _FEWEST <= len(places_mm) <= _MOST_PLACES or not _are_points(sightings):
         return None
     place = np.abs(along_mm[:, None] - places_mm).argmin(axis=1)
     visits = len(np.unique(np.stack([place, sightings.pass_number]), axis=1).T)
@@ -136,7 +137,9 @@ def _left_out(fitted: Fitted, fold: np.ndarray, counts: np.ndarray) -> LeftOut |
     folds, of_row = np.unique(fold[used], return_inverse=True)
     is_told = np.zeros(len(fold), dtype=bool)
     is_told[used] = (std_um < fitted.split.noise_um)[of_row]
-    is_told &= counts & np.isfinite(held.residual_mm).all(axis=1)
+    # A marker on the base stands where no axis moves it.
+    is_told &= counts & (fitted.sightings.carrier != CARRIERS.index("base"))
+    is_told &= np.isfinite(held.residual_mm).all(axis=1)
     is_told &= np.isfinite(fitted.held_out.residual_mm).all(axis=1)
     return LeftOut(fitted, held.residual_mm, is_told) if len(folds) >= _FEWEST and is_told.any() else None
 
@@ -148,6 +151,11 @@ def _headline_um(fitted: Fitted, residual_mm: Numbers, rows: np.ndarray) -> floa
     return um if um is not None and math.isfinite(um) else None
 
 
+def _are_points(sightings: Sightings) -> bool:
+    """Tell whether all rows are points: a circle has no lines, and of a length both ends are one number."""
+    return not {"circle", "lengths"} & {*sightings.frames}
+
+
 def _lines_of(sightings: Sightings) -> np.ndarray:
     """Give rows (n,) the number of their line: passes of one name, or at the same places, there and back."""
     names = sightings.texts("line") if "line" in sightings.table.columns else [""] * len(sightings)
@@ -155,13 +163,14 @@ def _lines_of(sightings: Sightings) -> np.ndarray:
     line = np.zeros(len(sightings), dtype=np.int64)
     order = np.argsort(sightings.pass_number, kind="stable")
     starts = np.flatnonzero(np.diff(sightings.pass_number[order], prepend=-1))
-    for rows in np.split(order, starts[1:]):
-        name = names[rows[0]]
-        places = np.unique(np.rint(sightings.commanded_mm[rows] / SAME_POSITION_MM), axis=0).tobytes()
-        known = number_of.get(name) if name else None
-        number = number_of.setdefault(places, len(number_of)) if known is None else known
-        number_of.setdefault(places, number)
-        if name:
-            number_of.setdefault(name, number)
+    for number, rows in enumerate(np.split(order, starts[1:])):
         line[rows] = number
+        places = np.unique(np.rint(sightings.commanded_mm[rows] / SAME_POSITION_MM), axis=0).tobytes()
+        for key in (places, names[rows[0]]):
+            if key and key in number_of:
+                # Two lines that were apart until now are one where a pass is of both.
+                line[line == number_of[key]] = number
+                number_of = {one: number if known == number_of[key] else known for one, known in number_of.items()}
+            elif key:
+                number_of[key] = number
     return np.asarray(np.unique(line, return_inverse=True)[1])

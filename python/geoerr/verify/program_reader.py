@@ -55,6 +55,8 @@ _NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
 # G codes that set, end, or take up again a shift of the program's zero besides G92.
 _SHIFTS = frozenset((52.0, 92.1, 92.2, 92.3))
+# Spindle and coolant off.
+_OFF = (5.0, 9.0)
 # G codes whose words are times or settings.
 _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # A move that a probe ends, and macros: where they go is not in the program.
@@ -341,8 +343,7 @@ class ProgramReader:
         return self._take(read_statement(body, is_for_printer=self._firmware is not None))
 
     def _take(self, statement: Statement) -> Move | None:
-        if self._ends_here(statement):
-            self._lose()
+        if self._is_lost_by(statement):
             return None
         match statement.kind:
             case Kind.STILL:
@@ -363,6 +364,18 @@ class ProgramReader:
                 return self._words(statement)
         return None
 
+    def _is_lost_by(self, statement: Statement) -> bool:
+        """Lose track, or the place, by a line that says what nobody knows; tell whether it is one."""
+        unit_mm = _unit_or_cycle_mm(statement)
+        if self._ends_here(statement) or unit_mm not in (None, self._modes.unit_mm):
+            self._lose()
+            return True
+        if unit_mm is not None:
+            # What it says of units holds already: if it is a cycle, it ends anywhere.
+            self._forget()
+            self._pass_over()
+        return unit_mm is not None
+
     def _program_number(self) -> None:
         """Take the number of the program; another one begins another program."""
         if self._is_numbered or self.n_moves > 0:
@@ -371,7 +384,7 @@ class ProgramReader:
 
     def _ends_here(self, statement: Statement) -> bool:
         """Tell whether a line is not run as it stands by the firmware that was named, or changes what words mean."""
-        if not _OTHER_MEANING.isdisjoint(statement.codes) or _is_unit_or_cycle(statement):
+        if not _OTHER_MEANING.isdisjoint(statement.codes):
             return True
         if statement.calls and self._modes.motion != "ends somewhere":
             return True
@@ -449,6 +462,7 @@ class ProgramReader:
         in_machine = 53.0 in statement.codes
         if modes.has_lost_length and not in_machine:
             self._lose_zero()
+            self._pass_over()
             return None
         has_numbers = _has_numbers(words)
         known = _MOVE_LETTERS | (_PARAMETERS if _TAKES_PARAMETERS & set(statement.codes) else frozenset())
@@ -468,6 +482,8 @@ class ProgramReader:
         if in_machine and modes.system == 1 and not all(self._zero_is_told):
             # Words that count from another zero tell nothing of these axes.
             self.lacks_zero = True
+            if not modes.is_rapid:
+                self._pass_over()
             self._leave(words, [letter in words for letter in _LETTERS])
             return None
         end = self._end(x, y, z, (0.0, 0.0, 0.0) if in_machine else self._origin())
@@ -477,7 +493,7 @@ class ProgramReader:
             if in_machine and modes.is_rapid and any(at_ends):
                 self._leave(words, at_ends)
                 return None
-            return self._arrive(end, extrusion, _others(statement, words))
+            return self._arrive(end, extrusion, _others(statement, words, is_rapid=modes.is_rapid))
         self.n_moves += 1
         self._pass_over()
         self._place, self._is_on_path = end, False
@@ -810,9 +826,10 @@ def _selects_by_word(statement: Statement) -> bool:
     return by_number or (b"H" in words and 15.0 in codes and not any(43.0 <= code < 45.0 for code in codes))
 
 
-def _is_unit_or_cycle(statement: Statement) -> bool:
-    """Tell whether G70 or G71 stands without words of a cycle: units, to Siemens' and Heidenhain's controls."""
-    return not {70.0, 71.0}.isdisjoint(statement.codes) and not _CYCLE_WORDS & (statement.words or {}).keys()
+def _unit_or_cycle_mm(statement: Statement) -> float | None:
+    """Give the unit of G70 or G71 without words of a cycle, to Siemens' and Heidenhain's controls; else None."""
+    units_mm = [unit_mm for code, unit_mm in ((70.0, 25.4), (71.0, 1.0)) if code in statement.codes]
+    return units_mm[0] if units_mm and not _CYCLE_WORDS & (statement.words or {}).keys() else None
 
 
 def _moves_besides(code: float, statement: Statement, words: dict[bytes, float | None]) -> bool:
@@ -843,13 +860,17 @@ def _without_idle_end(codes: tuple[float, ...], words: dict[bytes, float | None]
     return tuple(kept)
 
 
-def _others(statement: Statement, words: dict[bytes, float | None]) -> tuple[str, ...]:
-    """Give what a move's line says besides where, how fast, and with how much filament."""
+def _others(statement: Statement, words: dict[bytes, float | None], *, is_rapid: bool) -> tuple[str, ...]:
+    """Give what a move's line says besides where, how fast, and with how much filament.
+
+    Spindle and coolant that go off in a rapid are told as that: nothing is cut where they may go off early.
+    """
     letters = words.keys() - _PATH_LETTERS
     if not letters and not statement.m_codes:
         return ()
     said = (f"{letter.decode()}{words[letter]:.12g}" for letter in letters if words[letter] is not None)
-    return tuple(sorted((*said, *(f"M{code:g}" for code in statement.m_codes))))
+    codes = (f"{'rapid ' if is_rapid and code in _OFF else ''}M{code:g}" for code in statement.m_codes)
+    return tuple(sorted((*said, *codes)))
 
 
 def _motions_disagree(codes: tuple[float, ...]) -> bool:

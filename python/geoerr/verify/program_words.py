@@ -40,7 +40,9 @@ _TRANSFORMING_NAMES = re.compile(
 )
 # `#CS ON` and others of Beckhoff's (ISG) and Fagor's controls: frames, machine coordinates, calls. Others are text.
 _INSTRUCTIONS = re.compile(
-    rb"#(?:E?CS|[AMW]CS|AKIMA|[MP]?CALL|CYL|FACE|KIN|PRESET|PSET|ROTATION|RTCP|SPLINE|TLC|TRAFO)(?!\w)", re.IGNORECASE
+    rb"#(?:(?:E?CS|[AMW]CS|AKIMA|[MP]?CALL|PRESET|PSET|RTCP|TLC|TRAFO)(?!\w)"
+    rb"|(?:CYL|FACE|KIN|ROTATION|SPLINE)(?!\w)\s*(?:ON|OFF|\[))",
+    re.IGNORECASE,
 )
 # `O1234 (PART)`: the number of a program, or where a subprogram begins.
 _PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")

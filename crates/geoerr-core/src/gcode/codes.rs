@@ -178,30 +178,21 @@ fn is_transformation(name: &[u8]) -> bool {
 impl Macro {
     /// An instruction of the controls of Beckhoff (ISG) and Fagor by its name behind `#`: `#CS ON` turns and moves the
     /// program's zero, `#MCS ON` counts from the machine's. What changes none of this is taken for a comment.
-    pub fn of_instruction(name: &[u8]) -> Self {
-        const TRANSFORMATIONS: [&[u8]; 16] = [
-            b"ACS",
-            b"AKIMA",
-            b"CS",
-            b"CYL",
-            b"ECS",
-            b"FACE",
-            b"KIN",
-            b"MCS",
-            b"PRESET",
-            b"PSET",
-            b"ROTATION",
-            b"RTCP",
-            b"SPLINE",
-            b"TLC",
-            b"TRAFO",
-            b"WCS",
-        ];
+    ///
+    /// `#Face mill 50` is one, too: what is a word of its own is none of them without `ON`, `OFF` or numbers behind it.
+    pub fn of_instruction(name: &[u8], behind: &[u8]) -> Self {
+        const TRANSFORMATIONS: [&[u8]; 11] =
+            [b"ACS", b"AKIMA", b"CS", b"ECS", b"MCS", b"PRESET", b"PSET", b"RTCP", b"TLC", b"TRAFO", b"WCS"];
+        const WORDS: [&[u8]; 5] = [b"CYL", b"FACE", b"KIN", b"ROTATION", b"SPLINE"];
+        let behind = behind.trim_ascii_start().to_ascii_uppercase();
+        let is_told = [&b"ON"[..], b"OFF", b"["].iter().any(|told| behind.starts_with(told));
         let name = name.to_ascii_uppercase();
         match name.as_slice() {
             b"VOLCOMP" => Self::FirmwareCorrection,
             b"CALL" | b"MCALL" | b"PCALL" => Self::FlowControl,
-            other if TRANSFORMATIONS.contains(&other) => Self::Transforms,
+            other if TRANSFORMATIONS.contains(&other) || (is_told && WORDS.contains(&other)) => {
+                Self::Transforms
+            }
             _ => Self::Harmless,
         }
     }

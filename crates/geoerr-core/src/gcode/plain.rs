@@ -283,7 +283,7 @@ mod tests {
             axes: words.axes.map(|word| word.as_ref().map(|word| number(word).to_f64())).into(),
             extruder: words.extruder.as_ref().map(number),
             feed: words.feed.as_ref().map(|word| number(word).to_f64()),
-            text: MoveText::of(&line, &words, body),
+            text: MoveText::of(&line, &words, body, false),
             length,
             length_with_end: length + if text[length..].starts_with("\r\n") { 2 } else { 1 },
         }

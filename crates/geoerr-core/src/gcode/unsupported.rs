@@ -34,6 +34,8 @@ pub enum Unsupported {
     UnitOrCycle {
         /// Code.
         code10: u32,
+        /// Whether another unit holds.
+        changes_unit: bool,
     },
     /// `G33`.
     #[error("a thread ({}) ties the axes to the spindle", code(.code10))]
@@ -236,7 +238,7 @@ impl Unsupported {
             Self::CannedCycle { .. } => {
                 "let the CAM write the cycle out as straight moves, or use --on-unsupported pass"
             }
-            Self::UnitOrCycle { code10: 700 } => "write G20 where inches are meant",
+            Self::UnitOrCycle { code10: 700, .. } => "write G20 where inches are meant",
             Self::UnitOrCycle { .. } => "write G21 where millimetres are meant",
             Self::Thread { .. } | Self::Probing { .. } | Self::ExtraAxis { .. } => {
                 "such a line can only pass through untouched: --on-unsupported pass"
@@ -312,6 +314,7 @@ impl Unsupported {
             | Self::MoveBesides { .. }
             | Self::BlockSkip
             | Self::AxisWordsOfM { .. }
+            | Self::UnitOrCycle { changes_unit: false, .. }
             | Self::UnknownCode { .. } => After::Somewhere,
             Self::ToolPoint { .. }
             | Self::OtherToolLength { .. }
@@ -322,7 +325,7 @@ impl Unsupported {
             | Self::HomingAfterShift => After::ZeroLost,
             Self::FlowControl
             | Self::BlockSkipOfMode
-            | Self::UnitOrCycle { .. }
+            | Self::UnitOrCycle { changes_unit: true, .. }
             | Self::OtherMeaning
             | Self::RestoredState
             | Self::SeveralCodes

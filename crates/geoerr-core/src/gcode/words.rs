@@ -145,7 +145,9 @@ pub struct MoveText {
 
 impl MoveText {
     /// Of a line that has been sorted into `words`.
-    pub fn of(line: &Line, words: &Words, body: &[u8]) -> Self {
+    ///
+    /// In a rapid nothing is cut: spindle and coolant may go off before its end.
+    pub fn of(line: &Line, words: &Words, body: &[u8], is_rapid: bool) -> Self {
         let code = |wanted: &[u32]| {
             let mut codes = line.words.iter().filter(|word| word.letter == b'G');
             codes
@@ -165,7 +167,7 @@ impl MoveText {
             is_spaced: line.words.len() < 2
                 || line.words.windows(2).any(|pair| pair[0].span.end < pair[1].span.start),
             is_lower: letter.is_some_and(|letter| letter.is_ascii_lowercase()),
-            stops: line.words.iter().any(is_for_the_end),
+            stops: line.words.iter().any(|word| is_for_the_end(word) && !(is_rapid && is_off(word))),
         }
     }
 }
@@ -178,6 +180,11 @@ pub fn said_for_the_end(body: &[u8]) -> Option<(u8, u32)> {
     line.lex(body);
     let word = line.words.iter().find(|word| is_for_the_end(word))?;
     Some((word.letter, word.code10().unwrap_or(u32::MAX)))
+}
+
+/// Spindle or coolant off.
+fn is_off(word: &Word) -> bool {
+    word.letter == b'M' && matches!(word.code10(), Some(50 | 90))
 }
 
 fn is_for_the_end(word: &Word) -> bool {

@@ -105,9 +105,9 @@ fn every_unsupported_line_has_its_reason() {
         ("T1 D1\nG1 Z5\nD0\nG1 Z6", Unsupported::OtherEdge { number: 0 }),
         ("G43 H1\nG49\nG1 Z5", Unsupported::OtherToolLength { code10: 490 }),
         // Inches to Siemens' and Heidenhain's controls, and a cycle to others.
-        ("G70 G90 G54", Unsupported::UnitOrCycle { code10: 700 }),
-        ("G71", Unsupported::UnitOrCycle { code10: 710 }),
-        ("G71 G1 X5 D1", Unsupported::UnitOrCycle { code10: 710 }),
+        ("G70 G90 G54", Unsupported::UnitOrCycle { code10: 700, changes_unit: true }),
+        ("G71", Unsupported::UnitOrCycle { code10: 710, changes_unit: false }),
+        ("G71 G1 X5 D1", Unsupported::UnitOrCycle { code10: 710, changes_unit: false }),
         ("G70 P10 Q20", Unsupported::CannedCycle { code10: 700 }),
         ("G71 U2 R1", Unsupported::CannedCycle { code10: 710 }),
         ("G3 Z0.6 I1.217 J0 P1", Unsupported::Helix { code10: 30 }),
@@ -178,9 +178,14 @@ fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece()
     assert!(
         stop(b'G', 90).to_string().contains("G9 on its line") && stop(b'M', 50).to_string().contains("M5")
     );
-    for program in
-        ["G1 X300 Y300\nM30\n", "T0\nG1 X1 E5\nT1\nG92 E0\nG1 X300 Y300 E7\n", "G1 X300 Y300 F1000 M3 M8\n"]
-    {
+    for program in [
+        "G1 X300 Y300\nM30\n",
+        "T0\nG1 X1 E5\nT1\nG92 E0\nG1 X300 Y300 E7\n",
+        "G1 X300 Y300 F1000 M3 M8\n",
+        // In a rapid nothing is cut.
+        "G0 X300 Y300 M5\n",
+        "G0\nX300 Y300 M9\n",
+    ] {
         assert!(run(bent("wZbXYt", [0.0; 3]), options(), &format!("{here}{program}")).is_ok(), "{program}");
     }
 }
@@ -273,6 +278,9 @@ fn codes_that_do_nothing_here_pass() {
     assert_eq!(cycle.lines().last(), Some(&"G1 X100.0000 Y0.0000 Z0.0000"));
     let printer = Options { firmware: Some(Firmware::RepRapFirmware), ..options() };
     assert!(run(scaled(), printer, &format!("{here}#CS ON\nG1 X5\n")).is_ok());
+    assert!(
+        run(scaled(), options(), &format!("{here}#Face mill 50\n#Rotation of the vice\nG1 X5\n")).is_ok()
+    );
 }
 
 #[test]

@@ -92,7 +92,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
         p_value = looked.p_value_of(found)
         if n_asked and _is_asked_for(one.what):
-            of_asked = min(n_asked * math.exp(-found), 1.0)
+            of_asked = min(bench.n_searches * n_asked * math.exp(-found), 1.0)
             p_value, p_asked = min(p_value, of_asked), min(p_asked, of_asked)
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])

@@ -43,6 +43,9 @@ def beside_held(found: Sequence[Found], held: Sequence[Term], known: Catalogue, 
             if place not in given and (name := next(fits, None)) is not None:
                 given[place] = name
                 taken.add(name)
+    if len(given) < len(waves):
+        # More waves than there are names for: as they were found no two have one.
+        return list(found)
     return [
         one if place not in given else by_name_of(one, waves[place].effects[given[place]])
         for place, one in enumerate(found)
@@ -82,5 +85,5 @@ class _Wave:
 
     def is_more_of(self, term: Term) -> bool:
         """Tell whether a term is this wave, maybe of another size."""
-        period = next((one.value for one in term.inner if one.name == self.period.name), self.period.value)
-        return abs(self.span / period - self.span / self.period.value) < 1.0
+        periods = [one.value for one in term.inner if one.name == self.period.name]
+        return any(abs(self.span / period - self.span / self.period.value) < 1.0 for period in periods)

@@ -370,7 +370,8 @@ impl Reader {
             Head::Subprogram => return Err(Unsupported::FlowControl),
             Head::Macro(name) => return self.macro_line(Macro::of(name.of(body)), body),
             Head::Instruction(name) if self.options.firmware.is_none() => {
-                return self.macro_line(Macro::of_instruction(name.of(body)), body);
+                let behind = body.get(name.end as usize..).unwrap_or_default();
+                return self.macro_line(Macro::of_instruction(name.of(body), behind), body);
             }
             Head::Words => return self.words_line(line, words, body),
             Head::Empty if line.has_parameter => return Err(Unsupported::Expression),

@@ -56,7 +56,10 @@ impl Reader {
             code => code,
         };
         match code {
-            Code::UnitOrCycle => asked.refuse(Unsupported::UnitOrCycle { code10 }),
+            Code::UnitOrCycle => {
+                let changes_unit = (code10 == 700) != modes.is_inch;
+                asked.refuse(Unsupported::UnitOrCycle { code10, changes_unit });
+            }
             // It ends a cycle; the G0 or G1 on its line holds on.
             Code::NoMotion
                 if asked.has_motion_code

@@ -88,7 +88,7 @@ impl Reader {
         {
             return self.pass_in_machine(words_mm, left, extruder, body);
         }
-        self.straight(words_mm, extruder, &MoveText::of(line, words, body), forget, body)
+        self.straight(words_mm, extruder, &MoveText::of(line, words, body, self.modes.is_rapid), forget, body)
     }
 
     /// Axes of a line with `G53` that are not followed, where there are any: then it passes as it is.
