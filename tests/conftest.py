@@ -43,6 +43,15 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session")
+def full_device() -> Path:
+    """A device that never has room; tests that need it are skipped where the system has none."""
+    device = Path("/dev/full")
+    if not device.exists():
+        pytest.skip("the system has no device that is always full")
+    return device
+
+
+@pytest.fixture(scope="session")
 def real_data() -> Path:
     """The folder that GEOERR_TEST_DATA names; tests that need it are skipped without it."""
     folder = os.environ.get("GEOERR_TEST_DATA")

@@ -7,8 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from geoerr.cli.main import VERBS
 
 HEAVY = ("numpy", "scipy", "polars", "cv2", "plotly", "reportlab")
@@ -59,9 +57,8 @@ def test_a_reader_that_goes_away_is_no_failure() -> None:
     assert process.returncode == 0
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
-def test_a_full_disk_is_one_message() -> None:
-    with Path("/dev/full").open("w") as full:
+def test_a_full_disk_is_one_message(full_device: Path) -> None:
+    with full_device.open("w") as full:
         done = subprocess.run(
             [sys.executable, "-m", "geoerr", "doctor"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )

@@ -156,10 +156,9 @@ def test_a_worker_without_room_names_the_program(farm: Path, monkeypatch: pytest
     assert str(result.error).endswith("set TMPDIR to a folder on another disk")
 
 
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no device that is always full")
-def test_results_without_room_are_named(farm: Path) -> None:
+def test_results_without_room_are_named(farm: Path, full_device: Path) -> None:
     (farm.parent / "out/mill-0").mkdir(parents=True)
-    (farm.parent / "out/mill-0/model.json").symlink_to("/dev/full")
+    (farm.parent / "out/mill-0/model.json").symlink_to(full_device)
     with ThreadPoolExecutor(1) as one:
         done = geoerr.run_farm(farm / "mill-0", farm.parent / "out", RECIPE, executor=one)
     told = str(done.failures[0].error)

@@ -10,7 +10,7 @@ from geoerr.diagnose.document import comparison_document
 from geoerr.effects import plausible_what
 from geoerr.effects.amplitudes import amplitudes_by_term, parts_of
 from geoerr.fit import FitResult, Fitted
-from geoerr.fit.elsewhere import beyond_the_lines_um, places_left_out
+from geoerr.fit.elsewhere import beyond_the_lines_document, beyond_the_lines_um, places_left_out
 from geoerr.machine import AXES
 from geoerr.model import HistoryEntry
 from geoerr.report.provenance import provenance_of_command
@@ -48,14 +48,12 @@ def fit_document(
         for parameter in (*term.coefficients, *term.inner):
             plausible = None if parameter.name in parts else plausible_what(parameter)
             document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible
-    missed_um = beyond_the_lines_um(before, fitted)
-    by_line_um = None if missed_um is None else {"before": missed_um[0], "after": missed_um[1]}
     by_place = {axis: places_left_out(fitted, axis) for axis in AXES}
     return {
         "output": None if output is None else str(output),
         **document,
         "amplitudes": {name: [one.to_document() for one in own] for name, own in amplitudes.items() if own},
-        "held_out_by_line_um": by_line_um,
+        "held_out_by_line_um": beyond_the_lines_document(beyond_the_lines_um(before, fitted)),
         "held_out_by_place_um": {axis: None if one is None else one.um() for axis, one in by_place.items()},
         "before": comparison_document(before),
         "after": comparison_document(fitted),

@@ -113,10 +113,10 @@ def compensation_options(
     from geoerr.compensate.program import CompensationOptions
 
     return CompensationOptions(
-        work_offset_mm=None if work_offset is None else triple(work_offset, "--work-offset"),
+        work_offset_mm=told_triple(work_offset, "--work-offset"),
         tolerance_mm=tolerance,
         digits=digits,
-        home_mm=None if home is None else triple(home, "--home"),
+        home_mm=told_triple(home, "--home"),
         firmware=None if firmware is None else firmware.value,
         firmware_corrects=names(firmware_corrects),
         on_unsupported=on_unsupported.value,
@@ -135,6 +135,11 @@ def triple(text: str, option: str) -> Triple:
     if not all(map(math.isfinite, (x, y, z))):
         raise typer.BadParameter(f"{text!r} is not X,Y,Z in millimetres", param_hint=option)
     return x, y, z
+
+
+def told_triple(text: str | None, option: str) -> Triple | None:
+    """Read X,Y,Z in mm as `triple` does; None where the option was not given."""
+    return None if text is None else triple(text, option)
 
 
 def names(text: str | None) -> tuple[str, ...]:

@@ -20,7 +20,7 @@ from geoerr.cli.program_options import (
     followed_conditions,
     names,
     positive,
-    triple,
+    told_triple,
 )
 from geoerr.cli.progress import progress_bar
 from geoerr.cli.text_tables import say
@@ -97,8 +97,8 @@ def path(
             before,
             after,
             at=given,
-            work_offset_mm=None if work_offset is None else triple(work_offset, "--work-offset"),
-            home_mm=None if home is None else triple(home, "--home"),
+            work_offset_mm=told_triple(work_offset, "--work-offset"),
+            home_mm=told_triple(home, "--home"),
             firmware=None if firmware is None else firmware.value,
             threads=threads,
             on_progress=lambda n_lines: advance(n_lines, n_lines),

@@ -23,7 +23,7 @@ from geoerr.diagnose.words import (
 from geoerr.effects import Effect
 from geoerr.effects.amplitudes import Amplitude, parts_of
 from geoerr.effects.plausible import plausible_what
-from geoerr.fit.elsewhere import beyond_the_lines_words
+from geoerr.fit.elsewhere import beyond_the_lines_document, beyond_the_lines_words
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
@@ -414,9 +414,7 @@ class Unknown(Nameless):
             "shape": self.shape,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "held_out_rmse_after_um": None if self.held_out is None else self.held_out.after_um,
-            "held_out_by_line_um": None
-            if self.beyond_the_lines_um is None
-            else dict(zip(("before", "after"), self.beyond_the_lines_um, strict=True)),
+            "held_out_by_line_um": beyond_the_lines_document(self.beyond_the_lines_um),
             "where": self.where.to_document(),
             "curve": None if self.curve is None else self.curve.to_document(),
         }

@@ -112,6 +112,11 @@ def beyond_the_lines_words(missed_um: tuple[float, float]) -> str:
     return f"{text}: where no line was measured it does harm; measure more lines before a program is corrected by it"
 
 
+def beyond_the_lines_document(missed_um: tuple[float, float] | None) -> dict[str, float] | None:
+    """Give what `beyond_the_lines_um` gives as `--json` has it."""
+    return None if missed_um is None else {"before": missed_um[0], "after": missed_um[1]}
+
+
 def between_the_places(fitted: Fitted) -> Iterator[str]:
     """Say by how much places of axes are missed that are left out, where that is far, and what to do."""
     each = {axis: left_out for axis in AXES if (left_out := places_left_out(fitted, axis)) is not None}
