@@ -115,9 +115,19 @@ impl Group<'_> {
     fn run<A: Arithmetic, S: Simd>(self, simd: S) -> [Option<Found>; GROUP] {
         let mut moments = Moments::new();
         let mut chords = [Chord::NONE; GROUP];
-        for (k, (line, cloud)) in self.lines.iter().zip(&mut self.clouds.0).enumerate() {
+        // One after another as they lie in memory, which is waited for nowhere else: a chord's last point has come by then.
+        for (line, cloud) in self.lines.iter().zip(&mut self.clouds.0) {
+            if let [first, ..] = line {
+                lay_out(&line[..line.len().min(CHUNK)], first, cloud);
+            }
+        }
+        for (chord, line) in chords.iter_mut().zip(self.lines) {
             if let [first, .., last] = line {
-                chords[k] = Chord::new(first, last);
+                *chord = Chord::new(first, last);
+            }
+        }
+        for (k, (line, cloud)) in self.lines.iter().zip(&mut self.clouds.0).enumerate() {
+            if line.len() > 1 {
                 moments.take(simd, k, line, &chords[k], cloud);
             }
         }
@@ -197,9 +207,11 @@ impl Moments {
         let zero = simd.splat_f64s(0.0);
         let (mut sum, mut square) = ([zero; 3], [zero; 6]);
         let less = chord.slope.map(|slope| simd.splat_f64s(-slope));
-        for points_mm in line.chunks(CHUNK) {
+        for (index, points_mm) in line.chunks(CHUNK).enumerate() {
             let n_filled = points_mm.len().next_multiple_of(S::F64_LANES);
-            lay_out(points_mm, first, cloud);
+            if index > 0 {
+                lay_out(points_mm, first, cloud);
+            }
             let [x, y, z] = chord.order.map(|i| S::as_simd_f64s(&cloud[i][..n_filled]).0);
             for ((&x, &y), &z) in x.iter().zip(y).zip(z) {
                 let s1 = simd.mul_add_e_f64s(less[0], x, y);
