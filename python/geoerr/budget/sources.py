@@ -13,10 +13,12 @@ from geoerr.budget.estimator import Estimator, root_of
 from geoerr.budget.repeatability import repeatability_source
 from geoerr.budget.source import Piece, Source
 from geoerr.fit import Fitted
+from geoerr.fit.elsewhere import off_between_places
 from geoerr.fit.result import components_of_a_row
 from geoerr.model import GROUPS, FitRecord, Model
 from geoerr.model.arrays import Numbers
 from geoerr.model.conditions import Conditions
+from geoerr.model.fit_words import BETWEEN_PLACES, PLACES_LEFT_OUT
 from geoerr.vision.rig import Rig
 
 # Less probable than this, what the residual has beyond the noise is not chance (as for the fit's own scale).
@@ -50,7 +52,10 @@ def sources_of_fit(
     if smoothness.shape[1]:
         what = "curvature of the functions where the points do not hold it"
         sources.append(Source("smoothness", what, "A", "normal", math.nan, "", by_parameter=smoothness))
-    for found in (_misfit_of_fit(fitted), repeatability_source(fitted)):
+    between = off_between_places(fitted)
+    std_um = None if between is None else between.std_mm * _UM_PER_MM
+    between_places = _between_places(std_um, 0 if between is None else between.n_places)
+    for found in (_misfit_of_fit(fitted), between_places, repeatability_source(fitted)):
         if isinstance(found, Source):
             sources.append(found)
         else:
@@ -140,11 +145,11 @@ def sources_of_record(record: FitRecord) -> tuple[list[Source], list[str]]:
         beyond = math.sqrt(1.0 - 1.0 / scale**2)
         what = "scatter of the points beyond their stated covariances"
         sources.append(Source("scatter", what, "A", "normal", math.nan, "", dof, by_parameter=beyond * root))
-    found = _misfit_of_record(record)
-    if isinstance(found, Source):
-        sources.append(found)
-    else:
-        silent.append(found)
+    for found in (_misfit_of_record(record), _between_places_of_record(record)):
+        if isinstance(found, Source):
+            sources.append(found)
+        else:
+            silent.append(found)
     return sources, [*silent, "repeatability of the machine: a model file does not hold the data that would tell"]
 
 
@@ -223,4 +228,38 @@ def _misfit(size_um: float | None, p_value: float | None, dof: float, n_componen
         "µm",
         float(max(dof, 1)),
         everywhere_mm=np.eye(3) * size_um / _UM_PER_MM / math.sqrt(max(n_components, 1.0)),
+    )
+
+
+def _between_places_of_record(record: FitRecord) -> Source | str:
+    figures = record.figures
+    if PLACES_LEFT_OUT not in figures:
+        return (
+            "between the places that were measured: the model file does not hold how far off the model may be there"
+        )
+    std_um = np.array([figures.get(name, math.nan) for name in BETWEEN_PLACES])
+    return _between_places(None if np.isnan(std_um).any() else std_um, int(figures[PLACES_LEFT_OUT]))
+
+
+def _between_places(std_um: Numbers | None, n_places: int) -> Source | str:
+    """Give what a model is off by between places of axes as an error of every place, (3,); None where nothing tells.
+
+    So far it is missed at places that are left out: of a rough machine more than what its numbers are uncertain by.
+    """
+    if std_um is None:
+        return (
+            "between the places that were measured: no axis was measured at places that were come to again, so that "
+            "none of them can be left out to see how far off the model is there"
+        )
+    if not std_um.any():
+        return "between the places that were measured: places that are left out are missed by no more than chance"
+    return Source(
+        "between places",
+        "what the model is off by between the places that were measured",
+        "A",
+        "normal",
+        float(np.linalg.norm(std_um)),
+        "µm",
+        float(max(n_places - 1, 1)),
+        everywhere_mm=np.diag(std_um / _UM_PER_MM),
     )

@@ -14,12 +14,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy import stats
 
 from geoerr.fit.classic import positions_by_axis
 from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.held_out import HeldOut
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
@@ -32,6 +35,8 @@ _FEWEST, _MOST_FOLDS, _MOST_PLACES = 5, 20, 100
 _OFTEN = 1.5
 # What is missed at other places stands out from what is missed at the same ones by this factor.
 _STANDS_OUT = 1.25
+# Less probable than this, what is missed at places that are left out is not chance.
+_CHANCE = 0.01
 _UM_PER_MM = 1e3
 
 
@@ -47,11 +52,17 @@ class LeftOut:
         In base axes; NaN where not computable.
     is_told : (n,)
         Rows that the others tell to within what a row scatters.
+    fold : (n,)
+        The line or place of each row.
+    expected_mm2 : (n,)
+        What the uncertainty of the others' prediction makes of the square of a residual.
     """
 
     fitted: Fitted
     residual_mm: Numbers
     is_told: np.ndarray
+    fold: np.ndarray
+    expected_mm2: Numbers
 
     def um(self, rows: np.ndarray | None = None) -> float | None:
         """Give the error over the rows that the others tell, or over others (n,); None where there is none."""
@@ -67,6 +78,41 @@ class LeftOut:
         """Whether what is missed here is clearly more than what is missed at places that were seen."""
         missed_um, same_um = self.um(), self.same_places_um
         return missed_um is not None and same_um is not None and missed_um > _STANDS_OUT * same_um
+
+    @cached_property
+    def shift_mm(self) -> Numbers:
+        """By how much a place's own rows shift what is predicted there, by place, (n_places, 3).
+
+        What a residual is here less what it is with its pass left out, in the mean over the place's rows: their own
+        noise is in both, and so is what the model lacks at all places.
+        """
+        return self._by_place((self.residual_mm - self.fitted.held_out.residual_mm)[self.is_told])
+
+    @cached_property
+    def expected_shift_mm2(self) -> Numbers:
+        """What chance makes of the square of a shift, of all components, (n_places,)."""
+        return self._by_place(self.expected_mm2[self.is_told, None])[:, 0]
+
+    def _by_place(self, values: Numbers) -> Numbers:
+        _, of_place = np.unique(self.fold[self.is_told], return_inverse=True)
+        sums = np.stack([np.bincount(of_place, column) for column in values.T], axis=1)
+        return np.asarray(sums / np.bincount(of_place)[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """By how much a model may be off between the places that were measured.
+
+    Attributes
+    ----------
+    std_mm : (3,)
+        Of the error's x, y, z.
+    n_places
+        How many places tell it.
+    """
+
+    std_mm: Numbers
+    n_places: int
 
 
 def lines_left_out(fitted: Fitted) -> LeftOut | None:
@@ -128,9 +174,29 @@ def between_the_places(fitted: Fitted) -> Iterator[str]:
     if missed:
         yield (
             "with all rows at a place left out the model misses it by more than with passes left out, "
-            f"{listed(missed)}: so far it may be off between its places, which is in none of its uncertainties; "
-            "measure at places in between"
+            f"{listed(missed)}: so far it may be off between its places, which `geoerr budget` counts and no ± of "
+            "its numbers holds; measure at places in between"
         )
+
+
+def off_between_places(fitted: Fitted) -> Between | None:
+    """Give what a model is off by between places, where it is more than chance; zeros where it is not.
+
+    None where nothing tells: of no axis are there places that were seen more than once and that others tell. It is
+    what is missed at places that are left out, and so rather too much: their neighbours are twice as far away.
+    """
+    each = [left_out for axis in AXES if (left_out := places_left_out(fitted, axis)) is not None]
+    if not each:
+        return None
+    variance_mm2, n_places = np.zeros(3), 0
+    for left_out in each:
+        square_mm2, expected_mm2 = (left_out.shift_mm**2).mean(axis=0), float(left_out.expected_shift_mm2.mean())
+        n_here = len(left_out.shift_mm)
+        n_places += n_here
+        share = float(square_mm2.sum()) / expected_mm2
+        if stats.chi2.sf(n_here * share, n_here) < _CHANCE / len(each):
+            variance_mm2 += (1.0 - 1.0 / share) * square_mm2
+    return Between(np.sqrt(variance_mm2), n_places)
 
 
 def _left_out(fitted: Fitted, fold: np.ndarray, counts: np.ndarray) -> LeftOut | None:
@@ -138,15 +204,25 @@ def _left_out(fitted: Fitted, fold: np.ndarray, counts: np.ndarray) -> LeftOut |
         return None
     used = fitted.solved.used
     held = fitted.leave_out(fold)
-    std_um = _UM_PER_MM * fitted.scale * np.sqrt(held.variance_of_fold_mm2)
-    folds, of_row = np.unique(fold[used], return_inverse=True)
-    is_told = np.zeros(len(fold), dtype=bool)
-    is_told[used] = (std_um < fitted.split.noise_um)[of_row]
+    expected_mm2 = _expected_mm2(fitted, held, fold)
+    n_folds = len(np.unique(fold[used]))
+    is_told = used & (_UM_PER_MM * np.sqrt(expected_mm2) < fitted.split.noise_um)
     # A marker on the base stands where no axis moves it.
     is_told &= counts & (fitted.sightings.carrier != CARRIERS.index("base"))
     is_told &= np.isfinite(held.residual_mm).all(axis=1)
     is_told &= np.isfinite(fitted.held_out.residual_mm).all(axis=1)
-    return LeftOut(fitted, held.residual_mm, is_told) if len(folds) >= _FEWEST and is_told.any() else None
+    if n_folds < _FEWEST or not is_told.any():
+        return None
+    return LeftOut(fitted, held.residual_mm, is_told, fold, expected_mm2)
+
+
+def _expected_mm2(fitted: Fitted, held: HeldOut, fold: np.ndarray) -> Numbers:
+    """Give what the uncertainty of a prediction makes of the square of a residual, (n,): the mean of its fold."""
+    used = fitted.solved.used
+    _, of_row = np.unique(fold[used], return_inverse=True)
+    expected_mm2 = np.full(len(fold), np.nan)
+    expected_mm2[used] = fitted.scale**2 * held.variance_of_fold_mm2[of_row]
+    return expected_mm2
 
 
 def _headline_um(fitted: Fitted, residual_mm: Numbers, rows: np.ndarray) -> float | None:

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import polars as pl
 
+from geoerr.fit.elsewhere import off_between_places
 from geoerr.fit.fit import refit
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
-from geoerr.model.fit_words import FAR_BELOW_STATED, OF_STATED
+from geoerr.model.fit_words import BETWEEN_PLACES, FAR_BELOW_STATED, OF_STATED, PLACES_LEFT_OUT
 from geoerr.model.summary import model_html
 from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span
 
@@ -134,7 +135,9 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         sessions=sessions,
         noise=_numbers(_scatter(fitted) | _calibration(fitted)),
         figures=_numbers(
-            {name: value for name, value in figures_document(fitted).items() if _is_plain(value)} | _freedom(fitted)
+            {name: value for name, value in figures_document(fitted).items() if _is_plain(value)}
+            | _freedom(fitted)
+            | _between_places(fitted)
         ),
         history=tuple(history),
         stood_mm=stood,
@@ -170,6 +173,15 @@ def _freedom(fitted: Fitted) -> dict[str, float]:
         "lack_of_fit_dof": float(residual_dof - noise_dof),
         "components_per_row": components_of_a_row(fitted),
     }
+
+
+def _between_places(fitted: Fitted) -> dict[str, float]:
+    """Give what the model is off by between places of axes, and how many places tell: 0 where nothing does."""
+    between = off_between_places(fitted)
+    if between is None:
+        return {PLACES_LEFT_OUT: 0.0}
+    std_um = (between.std_mm * _UM_PER_MM).tolist()
+    return dict(zip(BETWEEN_PLACES, std_um, strict=True)) | {PLACES_LEFT_OUT: float(between.n_places)}
 
 
 def components_of_a_row(fitted: Fitted) -> float:

@@ -11,6 +11,9 @@ _SIGNIFICANCE = 0.01
 _SELDOM = 0.05
 # In a record's `noise`: what share of the stated uncertainties the points scatter, where it is less than a tenth.
 OF_STATED, FAR_BELOW_STATED = "scatter_of_stated", 0.1
+# In a record's `figures`: what the error's x, y and z are off by between the places that were measured, where it is
+# more than chance, and how many places tell.
+BETWEEN_PLACES, PLACES_LEFT_OUT = tuple(f"between_places_{axis}_um" for axis in "xyz"), "places_left_out"
 # Points that fit more closely than this share fit exactly, as far as anybody needs to know.
 _LEAST_OF_STATED = 1e-6
 # Figures that a report shows as numbers, in its order: name in the record, name on paper.
@@ -34,6 +37,8 @@ _IN_SENTENCES = frozenset(
         "n_radial",
         "dof",
         "components_per_row",
+        *BETWEEN_PLACES,
+        PLACES_LEFT_OUT,
     }
 )
 
@@ -76,6 +81,12 @@ def fit_sentences(figures: Mapping[str, float], noise: Mapping[str, float]) -> I
     lost = figures.get("held_out_not_computable", 0.0)
     if lost > 0.0:
         yield f"{lost:.0f} rows cannot be predicted with their pass held out: the other passes do not determine them"
+    between_um = math.hypot(*(figures.get(name, 0.0) for name in BETWEEN_PLACES))
+    if between_um > 0.0:
+        yield (
+            f"between the places that were measured the model may be off by another {between_um:.2g} µm rms, which "
+            "is in no standard uncertainty of its numbers: measure at places in between"
+        )
 
 
 def far_below_stated_words(share: float) -> str:
