@@ -1,5 +1,7 @@
 """What a model is off by between the places that were measured is a source of the budget."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from validation.fine_errors import KINDS, MACHINE, measured, nothing
@@ -34,7 +36,7 @@ def test_a_rough_machine_is_less_sure_between_its_places_and_its_file_says_so() 
     assert own_um["between places"] == pytest.approx(said_um)
     assert said_um > 2.0 * np.linalg.norm([own_um["pixels"], own_um.get("scatter", 0.0)])
     assert "    between places " in budget_text(budget)
-    of_file = uncertainty_budget(model_from_document(document_of(fit.model)), CENTRE)
+    of_file = uncertainty_budget(model_from_document(document_of(fit.model), Path("model.json")), CENTRE)
     assert stated_um(of_file) == pytest.approx(said_um)
     assert of_file.expanded_um() == pytest.approx(budget.expanded_um(), rel=1e-6)
 
