@@ -214,7 +214,7 @@ def _laid_out(
 def _shown(functions: Functions, term: Term, before: LaidOut, used: np.ndarray) -> Shapes | None:
     """Lay out a term where the rows see something of it; None where they see nothing at any value that is tried."""
     formulas = Formulas(functions, term)
-    middle = [_middle(parameter) for parameter in term.inner]
+    middle = [parameter.middle for parameter in term.inner]
     if not has_heights(term) or formulas.is_jump or wave_along(formulas, term, middle) is not None:
         # Waves and jumps do not fade.
         return _shapes_of(formulas, term, before)
@@ -398,7 +398,7 @@ def shapes_of(functions: Functions, term: Term, before: LaidOut | None = None) -
 def _shapes_of(formulas: Formulas, term: Term, before: LaidOut) -> Shapes:
     """Lay out a term whose formulas are known; they do not depend on the ranges of its inner parameters."""
     inner = term.inner
-    middle = [_middle(parameter) for parameter in inner]
+    middle = [parameter.middle for parameter in inner]
     rows = _few_rows(formulas.functions.n_rows)
     affine = []
     for place, parameter in enumerate(inner):
@@ -473,13 +473,6 @@ def _ends(parameter: Parameter) -> tuple[float, float]:
     assert parameter.low is not None
     assert parameter.high is not None
     return parameter.low, parameter.high
-
-
-def _middle(parameter: Parameter) -> float:
-    if not np.isnan(parameter.value):
-        return parameter.value
-    low, high = _ends(parameter)
-    return float(np.sqrt(low) * np.sqrt(high)) if parameter.spacing == "log" else 0.5 * (low + high)
 
 
 def _is_affine(

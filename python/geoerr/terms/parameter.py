@@ -161,6 +161,14 @@ class Parameter:
         """Whether an inner parameter's range is one point, so that there is nothing to search."""
         return self.low is not None and self.low == self.high
 
+    @property
+    def middle(self) -> float:
+        """Its value; while unknown the middle of its range, in its own spacing; NaN of one without a range."""
+        if not math.isnan(self.value) or self.low is None or self.high is None:
+            return self.value
+        # The product of both ends might overflow.
+        return math.sqrt(self.low) * math.sqrt(self.high) if self.spacing == "log" else 0.5 * (self.low + self.high)
+
     def to_document(self) -> dict[str, Any]:
         """Give plain values; an unknown value or uncertainty is null."""
         document: dict[str, Any] = {

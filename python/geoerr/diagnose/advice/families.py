@@ -140,11 +140,7 @@ def _ends(parameter: Parameter) -> tuple[float, float]:
 
 def _valued(parameter: Parameter) -> Parameter:
     """Give a parameter that has a value: the middle of its range, in its own spacing, where it has none."""
-    if not np.isnan(parameter.value):
-        return parameter
-    low, high = _ends(parameter)
-    middle = np.sqrt(low) * np.sqrt(high) if parameter.spacing == "log" else 0.5 * (low + high)
-    return replace(parameter, value=float(middle))
+    return replace(parameter, value=parameter.middle) if np.isnan(parameter.value) else parameter
 
 
 def _values(parameter: Parameter, n_coarse: int) -> tuple[list[float], list[float]]:
