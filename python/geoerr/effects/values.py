@@ -77,9 +77,7 @@ def is_at_an_end(parameter: Parameter) -> bool:
 
 def nearest_end(parameter: Parameter) -> float:
     """Give the end of an inner parameter's range that its value is nearest to."""
-    assert parameter.low is not None
-    assert parameter.high is not None
-    return min((parameter.low, parameter.high), key=lambda end: abs(end - parameter.value))
+    return min(parameter.ends, key=lambda end: abs(end - parameter.value))
 
 
 def read_in(parameter: Parameter, beside: Sequence[Parameter] = ()) -> tuple[str, float]:

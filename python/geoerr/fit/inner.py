@@ -167,9 +167,7 @@ def _wave_of(candidate: _Candidate, term: Term) -> tuple[Parameter, Numbers] | N
 
 
 def _alike(period: Parameter, values: Numbers) -> list[float]:
-    assert period.low is not None
-    assert period.high is not None
-    return alike_periods(values, period.value, period.low, period.high)
+    return alike_periods(values, period.value, *period.ends)
 
 
 def _closer(
@@ -376,10 +374,9 @@ def _grid(
     parameter = inner[place]
     if not np.isnan(parameter.value):
         return [parameter.value]
-    assert parameter.low is not None
-    assert parameter.high is not None
+    low, high = parameter.ends
     if parameter.is_fixed:
-        return [parameter.low]
+        return [low]
     is_log = parameter.spacing == "log"
     at = candidate.rows(rows)
     others = [one.middle for one in inner]
@@ -390,7 +387,7 @@ def _grid(
         trials = [[*others[:place], value, *others[place + 1 :]] for value in values]
         return _spaces(candidate, at.shapes(trials), root)
 
-    values = [float(v) for v in (np.geomspace if is_log else np.linspace)(parameter.low, parameter.high, n_seeds)]
+    values = [float(v) for v in (np.geomspace if is_log else np.linspace)(low, high, n_seeds)]
     found = dict(zip(values, spaces(values), strict=True))
     gaps = list(itertools.pairwise(values))
     for _ in range(_DEEPEST):

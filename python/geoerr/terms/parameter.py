@@ -169,6 +169,13 @@ class Parameter:
         return self.low is not None and self.low == self.high
 
     @property
+    def ends(self) -> tuple[float, float]:
+        """Both ends of the range of an inner parameter: a coefficient has none."""
+        assert self.low is not None
+        assert self.high is not None
+        return self.low, self.high
+
+    @property
     def middle(self) -> float:
         """Its value; while unknown the middle of its range, in its own spacing; NaN of one without a range."""
         if not math.isnan(self.value) or self.low is None or self.high is None:
