@@ -38,10 +38,11 @@ from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import probes_of
 from geoerr.diagnose.scan import Scanner, all_channels
 from geoerr.diagnose.search import Bench, look, search
-from geoerr.diagnose.space import OWNED, Space
+from geoerr.diagnose.space import Space
 from geoerr.diagnose.whole_search import searched_whole
 from geoerr.effects import catalogue
 from geoerr.fit import FitOptions, Fitted, fit_terms, result_of
+from geoerr.fit.owned import OWNED
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 

@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from geoerr.diagnose.scan import raw_columns
-from geoerr.diagnose.space import OWNED, Channels, Space
+from geoerr.diagnose.space import Channels, Space
+from geoerr.fit.owned import OWNED
 
 Numbers = npt.NDArray[np.float64]
 

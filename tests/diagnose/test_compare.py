@@ -302,6 +302,43 @@ def test_of_noise_alone_no_size_follows_anything(n_passes: int, n_rows: int, off
     assert told <= 1
 
 
+def scattered(
+    rng: np.random.Generator, n_passes: int, n_rows: int, offset_mm: float, grows: bool, *, has_names: bool = True
+) -> Observations:
+    """Points anywhere, runs that are off by something each, and a temperature that is another in each."""
+    own_pass = np.repeat(np.arange(n_passes), n_rows)
+    temp = rng.permutation(warming_up(rng, n_passes))[own_pass]
+    q = places(rng, len(own_pass))
+    noise = rng.normal(0.0, 1e-3, q.shape) * (1.0 + 2.0 * grows * (temp - temp.min()) / np.ptp(temp))[:, None]
+    true = NOMINAL.tool_from_work(q) + rng.normal(0.0, offset_mm, (n_passes, 3))[own_pass] + noise
+    names = {"line": [f"L{number}" for number in own_pass]} if has_names else {}
+    return measured(q, true, temp_bed=temp, t=5.0 * np.arange(len(q)), **names)
+
+
+@pytest.mark.parametrize("has_names", [True, False])
+@pytest.mark.parametrize(("n_passes", "n_rows"), [(12, 20), (24, 10)])
+def test_offsets_that_scattered_points_share_follow_nothing(n_passes: int, n_rows: int, has_names: bool) -> None:
+    """Nearly every step of such a run turns an axis round: as passes of their own its rows were told to be 8 µm wide
+    at one temperature and 4 µm at another, in four of five sets.
+    """
+    rng = np.random.default_rng(14)
+    told = 0
+    for _ in range(12):
+        observations = scattered(rng, n_passes, n_rows, 8e-3, grows=False, has_names=has_names)
+        told += any(one.stands_out for one in compare(NOMINAL, observations).spread_trends)
+    assert told <= 1
+
+
+def test_a_scatter_that_grows_from_run_to_run_is_told_beneath_larger_offsets() -> None:
+    first = compare(NOMINAL, scattered(np.random.default_rng(15), 24, 10, 8e-3, grows=True)).spread_trends[0]
+    assert first.variable == "temp_bed"
+    assert first.stands_out
+    # From 1 µm to 3, of offsets of 8 µm nothing.
+    assert first.is_within_runs
+    assert 0.5 < first.least_um < 1.7
+    assert 1.7 < first.most_um < 4.0
+
+
 def test_what_a_fit_leaves_of_exact_data_follows_nothing() -> None:
     q, own_pass = passes_along(np.random.default_rng(12), 40, 6)
     exact = measured(q, NOMINAL.tool_from_work(q), line=[f"L{number}" for number in own_pass])

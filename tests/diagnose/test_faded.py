@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from geoerr.diagnose.candidates import candidates_of
-from geoerr.diagnose.words import value_words
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
+from geoerr.effects.values import value_words
 from geoerr.fit import FitOptions, Fitted, fit_terms
 from geoerr.machine import Machine
 from geoerr.observations import observations_from_columns

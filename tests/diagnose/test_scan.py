@@ -19,10 +19,11 @@ from geoerr.diagnose.null import Null, largest_surprise, surprise
 from geoerr.diagnose.probe_variables import variables_of
 from geoerr.diagnose.probes import Probe, probes_of
 from geoerr.diagnose.scan import Scanner, all_channels, estimate, off_model
-from geoerr.diagnose.space import OWNED, Channels, Space, space_of
+from geoerr.diagnose.space import Channels, Space, space_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue, load_effects
 from geoerr.fit import FitOptions, fit_terms
+from geoerr.fit.owned import OWNED
 from geoerr.model.compile import core_part
 
 NAMES = ("backlash", "thermal-expansion", "lag", "step", "camera-drift", "thermal-bending", "screw-heating", "scale")

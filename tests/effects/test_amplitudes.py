@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from effect_machines import machine
 
-from geoerr.diagnose.words import amplitude_words
 from geoerr.effects import catalogue
-from geoerr.effects.amplitudes import amplitudes_by_term, amplitudes_of, parts_of, wave_pairs
+from geoerr.effects.amplitudes import amplitude_words, amplitudes_by_term, amplitudes_of, parts_of, wave_pairs
 from geoerr.terms import Parameter, Part, Term, UsualSpan
 
 PULLEY = (UsualSpan(0.0, 0.004, "a ball screw"), UsualSpan(0.0, 0.065, "a belt pulley"))
@@ -91,6 +90,13 @@ def test_plausibility_is_asked_of_the_amplitude() -> None:
         )
         assert found.to_document()["plausible"] == "a belt pulley"
     assert parts_of([found]) == {"A", "B"}
+
+
+def test_beside_a_period_at_the_end_of_its_range_an_amplitude_is_not_compared() -> None:
+    term = replace(wave((6e-3, 0.0), 3e-4), inner=(Parameter("P", "mm", 40.0, 0.1, (), 1.0, 40.0, "log"),))
+    (found,) = amplitudes_of(term, np.eye(2) * 9e-8)
+    assert "(not to be compared with known values: P is at the end of its range)" in amplitude_words(found)
+    assert found.to_document()["plausible"] is None
 
 
 def test_in_a_fit_of_several_terms_each_has_its_own_covariance() -> None:

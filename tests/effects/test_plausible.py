@@ -46,9 +46,9 @@ def test_a_period_has_to_be_the_screw_s_own() -> None:
 
 
 def test_the_words_say_which_and_how_far() -> None:
-    assert plausible_words(ALPHA, 11.8e-6, 4e-7) == "plausible: steel has 1.15e-05 1/K"
-    assert plausible_words(ALPHA, 14.2e-6, 1e-7) == "not a known value; the nearest is 1.15e-05 1/K (steel)"
-    assert plausible_words(ALPHA, 11.8e-6, 4e-6) == "too uncertain to compare with known values"
+    assert plausible_words(replace(ALPHA, value=11.8e-6, std=4e-7)) == "plausible: steel has 11.5"
+    assert plausible_words(replace(ALPHA, value=14.2e-6, std=1e-7)) == "no known value: the nearest is 11.5, steel"
+    assert plausible_words(replace(ALPHA, value=11.8e-6, std=4e-6)) == "too uncertain to compare with known values"
     assert plausible_words(Parameter("b", "mm", 0.01, 0.001)) is None
 
 
@@ -82,20 +82,21 @@ PLAY = Parameter("b", "mm", plausible=(SCREW, BELT))
 def test_a_span_holds_sizes_within_their_uncertainty(
     value: float, std: float, words: str | None, what: str | None
 ) -> None:
-    assert plausible_words(PLAY, value, std, factor=1e3, unit="µm") == words
+    assert plausible_words(replace(PLAY, value=value, std=std)) == words
     assert plausible_what(replace(PLAY, value=value, std=std)) == what
 
 
 def test_a_span_from_0_has_nothing_too_small() -> None:
     play = Parameter("b", "mm", 0.0, 1e-6, (UsualSpan(0.0, 0.015, "a ball bushing on its shaft"),))
-    assert plausible_words(play) == "usual: a ball bushing on its shaft has up to 0.015 mm"
-    assert plausible_words(play, 0.02, 0.001) == "unusually large: a ball bushing on its shaft has up to 0.015 mm"
+    assert plausible_words(play) == "usual: a ball bushing on its shaft has up to 15 µm"
+    large = replace(play, value=0.02, std=0.001)
+    assert plausible_words(large) == "unusually large: a ball bushing on its shaft has up to 15 µm"
 
 
 def test_a_value_of_physics_comes_before_a_span() -> None:
     alpha = replace(ALPHA, plausible=(*ALPHA.plausible, UsualSpan(1e-6, 30e-6, "a metal")))
-    assert plausible_words(alpha, 11.8e-6, 4e-7) == "plausible: steel has 1.15e-05 1/K"
-    assert plausible_words(alpha, 14.2e-6, 1e-7) == "usual: a metal has 1e−06 to 3e−05 1/K"
+    assert plausible_words(replace(alpha, value=11.8e-6, std=4e-7)) == "plausible: steel has 11.5"
+    assert plausible_words(replace(alpha, value=14.2e-6, std=1e-7)) == "usual: a metal has 1 to 30 ×10⁻⁶/K"
 
 
 def test_only_values_of_physics_choose_a_period() -> None:

@@ -166,6 +166,7 @@ def test_what_is_no_reference_is_refused_with_a_remedy(text: str) -> None:
         (("coefficients", 0, "name"), "1a", r"term.coefficients\[1\]"),
         (("coefficients", 0, "std"), -1.0, r"term.coefficients\[1\]"),
         (("coefficients", 0, "low"), 0.0, r"term.coefficients\[1\]"),
+        (("coefficients", 0, "sign"), "up", r"term.coefficients\[1\].sign"),
         (("coefficients", 0, "plausible"), [{"value": 1.0}], r"term.coefficients\[1\].plausible\[1\].what"),
         (("inner", 0, "plausible", 0, "high"), 0.0, r"term.inner\[1\].plausible\[1\]"),
         (("inner", 0, "plausible", 0, "low"), -1.0, r"term.inner\[1\].plausible\[1\]"),

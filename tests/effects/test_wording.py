@@ -73,6 +73,15 @@ def test_what_a_term_says_itself_stays_and_a_users_own_is_its_own() -> None:
     assert said(with_words(strange, MACHINE)) == [""]
 
 
+def test_a_term_of_a_file_without_signs_has_those_of_the_catalogue() -> None:
+    terms = [term for term in terms_of_every_kind() if any(one.sign for one in term.coefficients)]
+    assert terms
+    for term in terms:
+        bare = replace(term, coefficients=tuple(replace(one, sign=0) for one in term.coefficients))
+        again = with_words(bare, MACHINE)
+        assert [one.sign for one in again.coefficients] == [one.sign for one in term.coefficients]
+
+
 @pytest.mark.parametrize("reference", ["backlash:x", "thermal-expansion:y@temp_bed"])
 def test_an_old_model_file_has_its_values_in_words(reference: str) -> None:
     effect, place = catalogue().resolve(reference)

@@ -18,7 +18,7 @@ from flask.testing import FlaskClient
 from workbench_scenes import N_LINES, N_POINTS, PLAY_UM, PROGRAM, fitted, loaded, settle, texts
 
 from geoerr.diagnose import Diagnosis, diagnose
-from geoerr.diagnose.words import value_words
+from geoerr.effects.values import value_words
 from geoerr.errors import GeoerrError, InputFileError
 from geoerr.model.document import document_of
 from geoerr.report import model_page

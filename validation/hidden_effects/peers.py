@@ -46,7 +46,7 @@ from validation.hidden_effects.tables import rate, table
 
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.candidates import Shapes, candidates_of
-from geoerr.diagnose.scan import OWNED, all_channels
+from geoerr.diagnose.scan import all_channels
 from geoerr.diagnose.search import Round
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import beside_drift
@@ -55,6 +55,7 @@ from geoerr.diagnose.search.look import look
 from geoerr.diagnose.space import orthonormal
 from geoerr.effects import catalogue
 from geoerr.fit import Fitted, fit_terms
+from geoerr.fit.owned import OWNED
 
 # Trial values of one form that a peer is given; of a wave's period more.
 _MOST_TRIALS, _MOST_PERIODS = 24, 110

@@ -62,7 +62,6 @@ def add(
     """
     from geoerr.cli.change_text import report_change
     from geoerr.diagnose.change import add_effect
-    from geoerr.effects import catalogue
     from geoerr.measurements import read_measurements
     from geoerr.model import load_model
 
@@ -88,7 +87,7 @@ def add(
             threads=threads,
         )
     report_change(change, start, measured, output, inputs, has_rig=rig is not None, as_json=as_json, quiet=quiet)
-    for sentence in change.sign_notes([*catalogue(), *own]):
+    for sentence in change.sign_notes():
         note(f"note: {sentence}", quiet)
 
 

@@ -171,11 +171,16 @@ def _of_means(comparison: Comparison, shown: Sequence[Trend]) -> Iterator[str]:
         yield from wrapped(f"then, in µm: {'; '.join(rest[:_MOST_LINES])}", "  ")
 
 
+def _about(spread: SpreadTrend) -> str:
+    """Say what a size is about: offsets of runs are in it, or they are not."""
+    return "within runs" if spread.is_within_runs else "about the mean"
+
+
 def _of_spreads(comparison: Comparison, spreads: Sequence[SpreadTrend], shown: Sequence[Trend]) -> Iterator[str]:
     for one in spreads:
         yield from wrapped(
             f"its size follows {one.variable} ({variable_meaning(one.variable)}), {_along(one.component)}: "
-            f"{one.least_um:.1f} to {one.most_um:.1f} µm rms about the mean (p = {one.p_value:.1g})"
+            f"{one.least_um:.1f} to {one.most_um:.1f} µm rms {_about(one)} (p = {one.p_value:.1g})"
         )
         of_it = next(
             each for each in comparison.trends if (each.variable, each.component) == (one.variable, one.component)

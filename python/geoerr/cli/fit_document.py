@@ -46,7 +46,7 @@ def fit_document(
     for term in fitted.terms:
         parts = parts_of(amplitudes[term.id])
         for parameter in (*term.coefficients, *term.inner):
-            plausible = None if parameter.name in parts else plausible_what(parameter)
+            plausible = None if parameter.name in parts else plausible_what(parameter, term.inner)
             document["parameters"][f"{term.id}.{parameter.name}"]["plausible"] = plausible
     by_place = {axis: places_left_out(fitted, axis) for axis in AXES}
     return {

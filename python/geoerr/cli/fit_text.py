@@ -11,8 +11,10 @@ import numpy as np
 
 from geoerr.cli.text_tables import WIDTH, wrapped
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.words import alike_words, amplitude_words, bounded_value_words, plausibility_words
-from geoerr.effects.amplitudes import Amplitude, amplitudes_by_term, parts_of
+from geoerr.diagnose.words import alike_words
+from geoerr.effects.amplitudes import Amplitude, amplitude_words, amplitudes_by_term, parts_of
+from geoerr.effects.plausible import plausible_words
+from geoerr.effects.values import bounded_value_words
 from geoerr.error_functions import (
     LI_NAMES,
     ErrorFunction,
@@ -218,7 +220,7 @@ def _parameter_rows(term: Term, fitted: Fitted, amplitudes: Sequence[Amplitude])
         read = parameter if moment is None else replace(parameter, unit=moment.unit)
         words = None if moment is None else moment.words()
         if moment is None and parameter.name not in parts_of(amplitudes):
-            words = plausibility_words(parameter, inner=term.inner, beside=parameters)
+            words = plausible_words(parameter, term.inner, parameters)
         others = f", or {alike_words(alike[parameter.name], read.unit)}" if parameter.name in alike else ""
         yield from wrapped(
             bounded_value_words(read, parameters) + ("" if words is None else f" ({words})") + others, "    "

@@ -214,7 +214,7 @@ def _laid_out(
 def _shown(functions: Functions, term: Term, before: LaidOut, used: np.ndarray) -> Shapes | None:
     """Lay out a term where the rows see something of it; None where they see nothing at any value that is tried."""
     formulas = Formulas(functions, term)
-    middle = [_middle(parameter) for parameter in term.inner]
+    middle = [parameter.middle for parameter in term.inner]
     if not has_heights(term) or formulas.is_jump or wave_along(formulas, term, middle) is not None:
         # Waves and jumps do not fade.
         return _shapes_of(formulas, term, before)
@@ -398,7 +398,7 @@ def shapes_of(functions: Functions, term: Term, before: LaidOut | None = None) -
 def _shapes_of(formulas: Formulas, term: Term, before: LaidOut) -> Shapes:
     """Lay out a term whose formulas are known; they do not depend on the ranges of its inner parameters."""
     inner = term.inner
-    middle = [_middle(parameter) for parameter in inner]
+    middle = [parameter.middle for parameter in inner]
     rows = _few_rows(formulas.functions.n_rows)
     affine = []
     for place, parameter in enumerate(inner):
@@ -416,7 +416,7 @@ def _shapes_of(formulas: Formulas, term: Term, before: LaidOut) -> Shapes:
     free = [place for place, one in enumerate(inner) if place not in affine and is_free(one)]
     corners = [
         dict(zip(affine, values, strict=True))
-        for values in itertools.product(*[_ends(inner[place]) for place in affine])
+        for values in itertools.product(*[inner[place].ends for place in affine])
     ]
     choices = []
     for place, parameter in enumerate(inner):
@@ -427,7 +427,7 @@ def _shapes_of(formulas: Formulas, term: Term, before: LaidOut) -> Shapes:
         key = (tuple(dict.fromkeys(formulas.key)), place, parameter.low, parameter.high, len(free))
         if key not in before.grids:
             wave = wave_along(formulas, term, middle) if free == [place] else None
-            periods = None if wave is None else periods_to_try(wave[1], *_ends(parameter))
+            periods = None if wave is None else periods_to_try(wave[1], *parameter.ends)
             before.grids[key] = periods or _grid(formulas, inner, middle, place, len(free), rows)
         choices.append(before.grids[key])
     trials = tuple(tuple(values) for values in itertools.product(*choices))
@@ -469,25 +469,12 @@ def _few_rows(n_rows: int) -> np.ndarray:
     return np.sort(np.random.default_rng(n_rows).choice(n_rows, _ROWS_TO_COMPARE, replace=False))
 
 
-def _ends(parameter: Parameter) -> tuple[float, float]:
-    assert parameter.low is not None
-    assert parameter.high is not None
-    return parameter.low, parameter.high
-
-
-def _middle(parameter: Parameter) -> float:
-    if not np.isnan(parameter.value):
-        return parameter.value
-    low, high = _ends(parameter)
-    return float(np.sqrt(low) * np.sqrt(high)) if parameter.spacing == "log" else 0.5 * (low + high)
-
-
 def _is_affine(
     formulas: Formulas, inner: Sequence[Parameter], middle: Sequence[float], place: int, rows: np.ndarray
 ) -> bool:
     if not is_free(inner[place]) or inner[place].spacing == "log":
         return False
-    low, high = _ends(inner[place])
+    low, high = inner[place].ends
     few = None if formulas.is_recursion_in(place) else rows
     at = [
         [*middle[:place], value, *middle[place + 1 :]]
@@ -500,7 +487,7 @@ def _is_affine(
 
 
 def _spaced(parameter: Parameter, n: int) -> list[float]:
-    low, high = _ends(parameter)
+    low, high = parameter.ends
     return [float(value) for value in (np.geomspace if parameter.spacing == "log" else np.linspace)(low, high, n)]
 
 
@@ -586,7 +573,7 @@ def _moments(formulas: Formulas, parameter: Parameter) -> list[float]:
     ratio of their distances from the end that counts.
     """
     functions = formulas.functions
-    low, high = _ends(parameter)
+    low, high = parameter.ends
     clock = functions.variables[functions.names.index(CLOCK_NAME)]
     ends = [*functions.starts[1:], len(clock)]
     sessions = [Gaps.of(clock[start:end]).middle for start, end in zip(functions.starts, ends, strict=True)]

@@ -17,8 +17,8 @@ import polars as pl
 from geoerr.arguments import check_threads
 from geoerr.diagnose.steps import OnStep, Progress, Steps
 from geoerr.diagnose.summary import change_html
-from geoerr.diagnose.words import has_wrong_sign
 from geoerr.effects import Effect, catalogue
+from geoerr.effects.plausible import has_wrong_sign
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.fit import (
     FitOptions,
@@ -65,15 +65,14 @@ class Change:
     before: Fitted
     after: Fitted
 
-    def sign_notes(self, effects: Sequence[Effect]) -> tuple[str, ...]:
-        """Say which values of the model have a sign that these effects do not allow, for certain."""
-        signs = {(effect.id, spec.name): spec.sign for effect in effects for spec in effect.coefficients}
+    def sign_notes(self) -> tuple[str, ...]:
+        """Say which values of the model have a sign that their effects do not allow, for certain."""
         return tuple(
             f"{term.id}: {one.name} = {one.value:.3g} ± {one.std:.2g} {one.unit} has the sign that its effect "
             "excludes: something else is at work, or the formula has the other sign"
             for term in self.result.model.terms
             for one in term.coefficients
-            if has_wrong_sign(one, signs.get((term.effect or "", one.name), 0))
+            if has_wrong_sign(one)
         )
 
     def plot_fall(self) -> go.Figure:

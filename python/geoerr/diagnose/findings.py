@@ -10,19 +10,11 @@ from typing import Any, Literal
 from geoerr.diagnose.moments import Moment
 from geoerr.diagnose.shape import shape_words
 from geoerr.diagnose.where import Where
-from geoerr.diagnose.words import (
-    alike_words,
-    amplitude_words,
-    as_good_words,
-    bounded_value_words,
-    is_open,
-    plausibility_words,
-    sure_words,
-    um_words,
-)
+from geoerr.diagnose.words import alike_words, as_good_words, sure_words, um_words
 from geoerr.effects import Effect
-from geoerr.effects.amplitudes import Amplitude, parts_of
-from geoerr.effects.plausible import plausible_what
+from geoerr.effects.amplitudes import Amplitude, amplitude_words, parts_of
+from geoerr.effects.plausible import plausible_what, plausible_words
+from geoerr.effects.values import bounded_value_words, is_open
 from geoerr.fit.elsewhere import beyond_the_lines_document, beyond_the_lines_words
 from geoerr.fit.empirical import Curve
 from geoerr.fit.sightings import Numbers
@@ -162,7 +154,7 @@ class Named(ABC):
             "p_value": self.p_value,
             "held_out_rmse_after_um": held_out_rmse_after_um,
             "worth_um": self.worth_um,
-            "parameters": {parameter.name: _parameter_document(parameter) for parameter in self.parameters},
+            "parameters": {parameter.name: self._parameter_document(parameter) for parameter in self.parameters},
             "tied": self.tied,
             "aliases": [
                 {
@@ -180,6 +172,15 @@ class Named(ABC):
             "is_rig": self.is_rig,
             "in_model": self.in_model,
             "evidence": finite(self.evidence),
+        }
+
+    def _parameter_document(self, parameter: Parameter) -> dict[str, Any]:
+        return {
+            "value": None if is_open(parameter) else finite(parameter.value),
+            "std": finite(parameter.std),
+            "unit": parameter.unit,
+            # What physics says of a value it does not say of a difference.
+            "plausible": None if self.in_model else plausible_what(parameter, self.term.inner),
         }
 
 
@@ -248,7 +249,6 @@ class Finding(Named):
         """Each value with its standard error and unit, and whether physics would give it."""
         if len(self.parameters) > _MOST_VALUES:
             return (f"a curve of {len(self.parameters)} numbers",)
-        signs = {spec.name: spec.sign for spec in self.effect.coefficients}
         parts = parts_of(self.amplitudes)
         texts = []
         for parameter in self.parameters:
@@ -258,7 +258,7 @@ class Finding(Named):
             words = moment.words() if moment is not None else None
             if moment is None and not self.in_model and parameter.name not in parts:
                 # What physics says of a value it does not say of a difference.
-                words = plausibility_words(parameter, signs.get(parameter.name, 0), self.term.inner, self.parameters)
+                words = plausible_words(parameter, self.term.inner, self.parameters)
             texts.append(text if words is None else f"{text} ({words})")
             if parameter.name in self.alike:
                 texts[-1] += f", or {alike_words(self.alike[parameter.name], parameter.unit)}"
@@ -428,12 +428,3 @@ def reference_document(reference: EffectReference) -> dict[str, str | None]:
 def finite(value: float) -> float | None:
     """Give a number, or None where it is none."""
     return value if math.isfinite(value) else None
-
-
-def _parameter_document(parameter: Parameter) -> dict[str, Any]:
-    return {
-        "value": None if is_open(parameter) else finite(parameter.value),
-        "std": finite(parameter.std),
-        "unit": parameter.unit,
-        "plausible": plausible_what(parameter),
-    }

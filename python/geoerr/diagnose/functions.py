@@ -21,7 +21,7 @@ from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.variables import times_s
 from geoerr.model.compile import core_part
-from geoerr.terms import Parameter, Part, Term, names_in
+from geoerr.terms import Part, Term, names_in
 
 # Codes below 0 are functions that are numbers (odd) and products of two of them (even); others are slots of formulas.
 _SLOTS = 4096
@@ -153,7 +153,7 @@ class Functions:
         """Tell whether a part of a term is proportional to the column that it follows."""
         if part.expression not in self._proportional:
             expression = self.expression(part)
-            inner = np.array([_middle_of(term.inner[place]) for place in part.inner], dtype=np.float64)
+            inner = np.array([term.inner[place].middle for place in part.inner], dtype=np.float64)
             rows = np.unique(np.linspace(0, self.n_rows - 1, 50).round().astype(np.int64))
             variables = self._variables(None, rows)
 
@@ -365,12 +365,6 @@ def _without_series(
         return None, tuple(definitions)
     name, follows = next(iter(found.items()))
     return follows, tuple((other, _SERIES if other == name else text) for other, text in definitions)
-
-
-def _middle_of(parameter: Parameter) -> float:
-    if not np.isnan(parameter.value) or parameter.low is None or parameter.high is None:
-        return parameter.value
-    return 0.5 * (parameter.low + parameter.high)
 
 
 def _definitions_used(part: Part) -> tuple[tuple[str, str], ...]:

@@ -23,7 +23,8 @@ from geoerr import _core
 from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.null import N_DRAWS
-from geoerr.diagnose.space import OWNED, Channels, NumbersOfDraws, Space, independent, lengths
+from geoerr.diagnose.space import Channels, NumbersOfDraws, Space, independent, lengths
+from geoerr.fit.owned import OWNED
 from geoerr.fit.sightings import Numbers
 
 # Directions of a group of columns below this share of the largest are no directions of their own. The core's.

@@ -38,8 +38,6 @@ _DOUBT = 0.3
 _AS_FREE = 1e-6
 # Columns whose part off the others has less than this share of their square are inside already. The core's.
 INSIDE = 1e-9
-# Directions of which the model leaves a smaller share are the model's own: nothing can be said of them. The core's.
-OWNED = 0.002
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,18 @@
 """Where the size of the residual depends on a variable: an error that turns its sign within the bins of a trend.
 
-Of sin(x)·(T − T₀) every bin of T has the mean 0. Its squares tell: with u the square of what a row is off from the
-mean of its bin, over what noise alone would leave there, and ū its mean, each pass p and class c have
+Of sin(x)·(T − T₀) every bin of T has the mean 0. Sizes tell: of what a row is off, over what noise alone would leave
+there. Rows of one run (`runs`) share an offset and are not independent, and a variable that changes between runs only
+is as good as one number a run. So runs are counted (`sizes`), in three looks:
 
-    g_pc = Σ (1_c − n_c / N) (u − ū)   over the rows of the pass,    Q = (Σ_p g_p)' (Σ_p g_p g_p')⁻¹ (Σ_p g_p).
+- from run to run, the sizes of what rows are off their bins, their runs and a lean over the volume, fitted together:
+  no offset is in them, and not what the measuring frame leans by offsets;
+- the same along runs. Along a line where a row is tells when it was measured, and what drifts is farthest off the
+  mean of its run at both ends: there of what rows are off their bins alone. What grows along lines beneath larger
+  offsets is not told;
+- from run to run, the sizes of what rows are off the runs that are next to theirs in the variable: what a run has in
+  common, an offset or sin(x) of a run along y, is in them.
 
-Passes are independent, rows of one pass are not: of k + 1 classes Q is χ²(k) where nothing depends on the variable.
-The score test with sums of passes; it is never more than the number of passes, so that few of them tell nothing.
-Verified by `test_of_noise_alone_no_size_follows_anything`.
+False alarms and what is told: `validation/spread_trends.md`.
 """
 
 from __future__ import annotations
@@ -18,9 +23,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geoerr.diagnose.components import Component, components_of
+from geoerr.diagnose.components import UM_PER_MM, Component, components_of
+from geoerr.diagnose.runs import Runs, runs_of
+from geoerr.diagnose.sizes import chance_between_runs, chance_within_runs, means_of_runs, off_neighbours
 from geoerr.diagnose.trends import bins_of, trend_of, variables_of
-from geoerr.distributions import chi_squared_sf
 from geoerr.fit import Fitted
 from geoerr.fit.lengths import told_in_base_axes
 from geoerr.fit.sightings import Numbers
@@ -29,12 +35,12 @@ from geoerr.observations import PIXELS
 
 # Seldom by chance over all that is looked at.
 _SELDOM = 0.01
-# So many passes a class: fewer classes of few passes.
-_PASSES_A_CLASS = 4
 # Of what the fit follows nearly whole, squares tell rounding.
 _LEAST_SHARE = 0.05
 # What is left of exact data is rounding.
 _LEAST_UM = 1e-4
+# Directions of bins and lean below this share of the largest are none of their own.
+_DEPENDENT = 1e-9
 _BLOCK_ROWS = 2048
 
 
@@ -50,6 +56,8 @@ class SpreadTrend:
         That it differs as much by chance, over all variables and components that were looked at.
     least_um, most_um
         The smallest and the largest root mean square of a bin about its mean.
+    is_within_runs
+        Whether they are about what each run has besides: offsets of runs are not in them.
     """
 
     variable: str
@@ -57,6 +65,7 @@ class SpreadTrend:
     p_value: float
     least_um: float
     most_um: float
+    is_within_runs: bool = False
 
     @property
     def stands_out(self) -> bool:
@@ -71,8 +80,9 @@ def spread_trends_of(fitted: Fitted) -> tuple[SpreadTrend, ...]:
         return ()
     variance = _variance_of_noise(fitted)
     own = [variance[:, AXES.index(one.name) if one.name in AXES else 0] for one in components]
+    runs = runs_of(fitted.sightings)
     found = [
-        _spread_trend(fitted, name, values, component, variances)
+        _spread_trend(fitted, runs, name, values, component, variances)
         for name, values in variables_of(fitted).items()
         for component, variances in zip(components, own, strict=True)
     ]
@@ -95,42 +105,93 @@ def spreads_to_tell(found: Sequence[SpreadTrend], least_um: float) -> list[Sprea
 
 
 def _spread_trend(
-    fitted: Fitted, name: str, values: Numbers, component: Component, variance: Numbers
+    fitted: Fitted, runs: Runs, name: str, values: Numbers, component: Component, variance: Numbers
 ) -> SpreadTrend | None:
-    """Test one component over one variable by itself; None where too few rows or passes tell anything."""
+    """Test one component over one variable by itself; None where too few rows or runs tell anything."""
     known = np.isfinite(values) & component.is_known
     known &= variance > _LEAST_SHARE * float(np.median(variance[known])) if known.any() else known
     number, spans = bins_of(values[known])
     if len(spans) < 2:
         return None
-    counts = np.bincount(number)
-    residual_um = component.residual_um[known]
-    deviation = residual_um - (np.bincount(number, weights=residual_um) / counts)[number]
-    several = counts[number] > 1
-    squares = deviation**2 / variance[known] * (counts / np.maximum(counts - 1, 1))[number]
-    own_pass = np.unique(fitted.sightings.pass_number[known], return_inverse=True)[1]
-    p_value = _chance(squares[several], number[several], own_pass[several])
-    if p_value is None:
+    off = _Off.of(component.residual_um[known], number, runs.of_rows(known), fitted.sightings.commanded_mm[known])
+    if not off.rows.size:
         return None
-    spreads = [one.spread_um for one in trend_of(fitted.sightings, name, values, component).bins if one.n > 1]
-    return SpreadTrend(name, component.name, p_value, min(spreads), max(spreads))
+    noise_um = UM_PER_MM * np.sqrt(variance[known][off.rows])
+    place = 2.0 * off.number / (len(spans) - 1) - 1.0
+    within, of_runs = off.chances(noise_um, np.stack([place, place**2][: len(spans) - 1], axis=1))
+    chances = [one for one in (*within, of_runs) if one is not None]
+    if not chances:
+        return None
+    is_within_runs = of_runs is None or min(chances) < of_runs
+    if is_within_runs:
+        spreads = off.spreads_um
+    else:
+        spreads = [one.spread_um for one in trend_of(fitted.sightings, name, values, component).bins if one.n > 1]
+    p_value = min(len(chances) * min(chances), 1.0)
+    return SpreadTrend(name, component.name, p_value, min(spreads), max(spreads), is_within_runs)
 
 
-def _chance(squares: Numbers, number: np.ndarray, own_pass: np.ndarray) -> float | None:
-    """Give how rarely squares (n,) differ as much from bin to bin, numbered (n,), by chance; None: too few passes."""
-    passes = np.unique(own_pass)
-    n_bins = int(number.max(initial=0)) + 1
-    n_classes = min(n_bins, max(2, len(passes) // _PASSES_A_CLASS))
-    dof = n_classes - 1
-    if len(passes) <= dof or n_bins < 2:
-        return None
-    # Neighbouring bins are one class; what is in the last is not in the others.
-    in_class = np.eye(n_classes)[number * n_classes // n_bins][:, :-1]
-    rows = (in_class - in_class.mean(axis=0)) * (squares - squares.mean())[:, None]
-    scores = np.zeros((int(passes.max()) + 1, dof))
-    np.add.at(scores, own_pass, rows)
-    total = scores.sum(axis=0)
-    return float(chi_squared_sf(total @ np.linalg.pinv(scores.T @ scores, hermitian=True) @ total, dof))
+@dataclass(frozen=True, eq=False)
+class _Off:
+    """How far rows are off, of those that are neither alone in their bin nor in their run.
+
+    Attributes
+    ----------
+    rows : (n,)
+        Which of the rows they are.
+    number : (n,)
+        Bin of each.
+    runs
+        Run of each.
+    both_um : (n,)
+        How far it is off bin, run and lean, fitted together, as large as noise is, whatever these have taken of it.
+    bins_um : (n,)
+        How far off bin and lean alone.
+    """
+
+    rows: np.ndarray
+    number: np.ndarray
+    runs: Runs
+    both_um: Numbers
+    bins_um: Numbers
+
+    @classmethod
+    def of(cls, values_um: Numbers, number: np.ndarray, runs: Runs, at_mm: Numbers) -> _Off:
+        """Fit values (n,) by their bins and runs, and a lean over the volume; `at_mm` (n, 3) is where they are.
+
+        Offsets of runs let the measuring frame lean, and runs along the lean would be wider than others.
+        """
+        run = np.unique(runs.number, return_inverse=True)[1]
+        span_mm = np.maximum(np.ptp(at_mm, axis=0), 1e-300)
+        columns = np.column_stack([np.eye(int(number.max()) + 1)[number], (at_mm - at_mm.mean(axis=0)) / span_mm])
+        within = columns - means_of_runs(columns, run)[run]
+        solve = np.linalg.pinv(within.T @ within, rcond=_DEPENDENT, hermitian=True)
+        off_runs = values_um - means_of_runs(values_um[:, None], run)[run, 0]
+        effect = solve @ (within.T @ off_runs)
+        left = 1.0 - 1.0 / np.bincount(run)[run] - ((within @ solve) * within).sum(axis=1)
+        rows = np.flatnonzero(left > _LEAST_SHARE)
+        both_um = (off_runs - within @ effect)[rows] / np.sqrt(left[rows])
+        bins_um = values_um - columns @ effect
+        return cls(rows, number[rows], runs.of_rows(rows), both_um, (bins_um - bins_um.mean())[rows])
+
+    def chances(self, noise_um: Numbers, places: Numbers) -> tuple[tuple[float | None, float | None], float | None]:
+        """Give how rarely chance does as much within runs, from run to run and along them, and to whole runs."""
+        run, level = self.runs.number, self.runs.level
+        along_um = np.where(self.runs.is_scattered, self.both_um, self.bins_um)
+        within = (
+            chance_between_runs(np.abs(self.both_um) / noise_um, places, run, level),
+            chance_within_runs(np.abs(along_um) / noise_um, places, run),
+        )
+        whole = level == 0
+        of_runs = np.abs(off_neighbours(self.bins_um, places, run)) / noise_um
+        return within, chance_between_runs(of_runs[whole], places[whole], run[whole], level[whole])
+
+    @property
+    def spreads_um(self) -> list[float]:
+        """Root mean square in each bin of several rows."""
+        count = np.bincount(self.number)
+        squares = np.bincount(self.number, weights=self.both_um**2)
+        return [math.sqrt(one) for one in (squares[count > 1] / count[count > 1])]
 
 
 def _variance_of_noise(fitted: Fitted) -> Numbers:

@@ -1,9 +1,6 @@
-"""Temperatures that hardly change: what follows them is judged about their mean, where the model has the rest.
+"""What follows temperatures that hardly change is judged about their mean, where the model has the rest.
 
-A machine at 120 ± 3 °C has grown by 100 K times its coefficient, and of that a model with a scale has all but 3 K. As
-α T q the growth lies in the model but for a thousandth of its square, and of what a model leaves so little nothing is
-said: as little of anything is left by functions that are not fine enough. As α (T − T̄) q it spans the same beside the
-model, and is judged by what can be seen of it.
+Why, and where: `geoerr.fit.steady`. Here for all candidates of a search at once, of which many have one formula.
 """
 
 from __future__ import annotations
@@ -16,10 +13,11 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.diagnose.functions import CompiledPart, Functions
-from geoerr.diagnose.space import OWNED, Channels, freedom_of
+from geoerr.diagnose.space import Channels, freedom_of
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.owned import are_owned
 from geoerr.fit.sightings import Numbers
-from geoerr.fit.steady import STEADY
+from geoerr.fit.steady import ends_and_middle, is_steady
 from geoerr.terms import Parameter, Term
 
 # A channel, and the number of a formula.
@@ -75,19 +73,12 @@ def _followed(functions: Functions, parts: Sequence[CompiledPart]) -> Numbers:
 
 def _is_steady(values: Numbers) -> bool:
     known = values[np.isfinite(values)]
-    return bool(len(known)) and float(known.var()) < STEADY * float((known**2).mean())
+    return bool(len(known)) and bool(is_steady(known.var(), (known**2).mean()))
 
 
 def _some_values(inner: Sequence[Parameter], part: CompiledPart) -> Iterable[list[float]]:
     """Give all inner parameters of a term at ends and middles of those that a part has."""
-    choices = []
-    for place, one in enumerate(inner):
-        if np.isfinite(one.value) or one.low is None or one.high is None:
-            choices.append([one.value])
-        elif place not in part.inner:
-            choices.append([one.low])
-        else:
-            choices.append([one.low, 0.5 * (one.low + one.high), one.high])
+    choices = [ends_and_middle(one) if place in part.inner else [one.middle] for place, one in enumerate(inner)]
     return map(list, itertools.product(*choices))
 
 
@@ -103,8 +94,7 @@ def _are_owned(fitted: Fitted, columns: dict[_Key, Numbers]) -> dict[_Key, bool]
         some = listed[start : start + _TOGETHER]
         moved = np.stack([(channels[key[0]] * column[:, None]).ravel() for key, column in some], axis=1)
         inside = _core.products_of_columns(basis, moved, fitted.threads)
-        whole = np.einsum("nk,nk->k", moved, moved)
-        left = whole - np.einsum("kr,kr->k", inside, inside)
-        for (key, _), is_owned in zip(some, left <= OWNED * whole, strict=True):
+        squares = np.einsum("nk,nk->k", moved, moved)
+        for (key, _), is_owned in zip(some, are_owned(squares, inside), strict=True):
             owned[key] = owned[key] and bool(is_owned)
     return owned

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.effects.plausible import MATCH_STD, plausible_what
+from geoerr.effects.plausible import MATCH_STD, plausible_what, plausible_words
+from geoerr.effects.values import number_with_std, read_in
+from geoerr.summaries import number_words
 from geoerr.terms import Parameter, Term
 
 _SINE = re.compile(r"(?<![\w.])(sin|cos)\(")
@@ -31,11 +33,14 @@ class Amplitude:
         Names of its two coefficients.
     size
         √(A² + B²) with its standard error, and what sizes are usual for it; the unit is that of both.
+    inner
+        The inner parameters of its term, beside which it was found.
     """
 
     sine: str
     cosine: str
     size: Parameter
+    inner: tuple[Parameter, ...] = ()
 
     @property
     def is_told(self) -> bool:
@@ -55,8 +60,29 @@ class Amplitude:
             "std": self.size.std,
             "unit": self.size.unit,
             "is_told": self.is_told,
-            "plausible": plausible_what(self.size) if self.is_told else None,
+            "plausible": plausible_what(self.size, self.inner) if self.is_told else None,
         }
+
+
+def amplitude_words(amplitude: Amplitude) -> str:
+    """Write a wave's amplitude with its standard error and what it is usual for; a bound where it may be 0."""
+    number, usual = amplitude_value_words(amplitude), amplitude_usual_words(amplitude)
+    return number if usual is None else f"{number} ({usual})"
+
+
+def amplitude_value_words(amplitude: Amplitude) -> str:
+    """Write a wave's amplitude with its standard error alone; a bound where it may be 0."""
+    size = amplitude.size
+    unit, factor = read_in(size)
+    name = f"amplitude √({amplitude.sine}² + {amplitude.cosine}²)"
+    if not amplitude.is_told:
+        return f"{name} at most {number_words(amplitude.most * factor)} {unit}: not told from 0"
+    return f"{name} = {number_with_std(size.value * factor, size.std * factor)} {unit}".rstrip()
+
+
+def amplitude_usual_words(amplitude: Amplitude) -> str | None:
+    """Say what an amplitude is usual for; None of one that may be 0."""
+    return plausible_words(amplitude.size, amplitude.inner) if amplitude.is_told else None
 
 
 def wave_pairs(term: Term) -> tuple[tuple[str, str], ...]:
@@ -102,7 +128,9 @@ def amplitudes_of(term: Term, covariance: npt.NDArray[np.float64]) -> tuple[Ampl
         std = worst
         if size > MATCH_STD * worst:
             std = math.sqrt(max(float(values @ of_both @ values), 0.0)) / size
-        found.append(Amplitude(sine, cosine, Parameter("amplitude", first.unit, size, std, first.plausible)))
+        found.append(
+            Amplitude(sine, cosine, Parameter("amplitude", first.unit, size, std, first.plausible), term.inner)
+        )
     return tuple(found)
 
 

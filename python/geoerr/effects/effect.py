@@ -407,4 +407,5 @@ def _parameter(
         high=high,
         spacing=spec.spacing,
         what=spec.what and spec.what + which,
+        sign=spec.sign,
     )

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from geoerr.summaries import number_words
+from geoerr.effects.values import is_at_an_end, read_in
+from geoerr.summaries import listed, number_words
 from geoerr.terms import Parameter, Plausible, UsualSpan
 
-# A value further away than this many standard deviations (of fit and material together) is another value.
+# A value further away than this many standard deviations (of fit and material together) is another value, and one of
+# the other sign for certain.
 MATCH_STD = 2.0
 # A fit less certain than this part of its value would match anything.
-MAX_RELATIVE_STD = 0.25
+_MAX_RELATIVE_STD = 0.25
 # Plastics expand up to ten times as much as metals.
 _BEYOND_ALL = 10.0
 
@@ -32,7 +35,7 @@ def plausible_match(parameter: Parameter, value: float | None = None, std: float
     """
     value = parameter.value if value is None else value
     std = parameter.std if std is None else std
-    if not math.isfinite(value) or not math.isfinite(std) or std > MAX_RELATIVE_STD * abs(value):
+    if not math.isfinite(value) or not math.isfinite(std) or std > _MAX_RELATIVE_STD * abs(value):
         return None
     found: list[tuple[float, Plausible]] = []
     for candidate in plausible_values(parameter):
@@ -43,14 +46,13 @@ def plausible_match(parameter: Parameter, value: float | None = None, std: float
     return min(found, key=lambda item: item[0])[1] if found else None
 
 
-def usual_match(parameter: Parameter, value: float | None = None, std: float | None = None) -> UsualSpan | None:
+def usual_match(parameter: Parameter) -> UsualSpan | None:
     """Give the usual span that the size of a fitted value lies in, within twice its standard deviation.
 
     The nearest if several do, the first of those that hold the value itself. None where none does, and where the
     value is so uncertain that it might as well be smaller as larger than all of the span.
     """
-    value = parameter.value if value is None else value
-    std = parameter.std if std is None else std
+    value, std = parameter.value, parameter.std
     if not math.isfinite(value) or not math.isfinite(std):
         return None
     least, most = abs(value) - MATCH_STD * std, abs(value) + MATCH_STD * std
@@ -62,68 +64,83 @@ def usual_match(parameter: Parameter, value: float | None = None, std: float | N
     return min(touched, key=lambda span: _ratio_to(span, value), default=None)
 
 
-def plausible_what(parameter: Parameter) -> str | None:
-    """Say what has such a value: what physics gives it to, else what it is usual for; None where nothing is known."""
-    match = plausible_match(parameter) or usual_match(parameter)
+def plausible_what(parameter: Parameter, inner: Sequence[Parameter] = ()) -> str | None:
+    """Say what has such a value: what physics gives it to, else what it is usual for.
+
+    None where nothing is known, and where `plausible_words` compares it with nothing.
+    """
+    if has_wrong_sign(parameter) or _bounds(parameter, inner):
+        return None
+    match = plausible_match(parameter) or (None if is_at_an_end(parameter) else usual_match(parameter))
     return None if match is None else match.what
 
 
 def plausible_words(
-    parameter: Parameter,
-    value: float | None = None,
-    std: float | None = None,
-    *,
-    factor: float = 1.0,
-    unit: str | None = None,
+    parameter: Parameter, inner: Sequence[Parameter] = (), beside: Sequence[Parameter] = ()
 ) -> str | None:
-    """Say whether a fitted value is plausible; None where the catalogue has nothing to compare it with.
+    """Say whether physics would give a value, or such a size is usual; None where nothing is known of it.
+
+    Known values are written in the unit that `values.value_words` writes the value in.
 
     Parameters
     ----------
-    parameter, value, std
-        As of `plausible_match`.
-    factor, unit
-        What a reader sees values in: `unit` is `factor` times the parameter's own, None is its own.
+    inner
+        The inner parameters of its term. Beside one that is at the end of its range a value is another than it would
+        be with the right one.
+    beside
+        The parameters of its term: known values are written in the power of ten that these have.
     """
-    unit = parameter.unit if unit is None else unit
-    match = plausible_match(parameter, value, std)
-    if match is not None:
-        return f"plausible: {match.what} has {match.value * factor:.4g} {unit}".rstrip()
-    if usual_spans(parameter):
-        return usual_words(parameter, value, std, factor=factor, unit=unit)
-    if not plausible_values(parameter):
+    if has_wrong_sign(parameter):
+        return f"not physical: it cannot be {'negative' if parameter.sign > 0 else 'positive'}"
+    if not parameter.plausible or not math.isfinite(parameter.value):
         return None
-    value = parameter.value if value is None else value
-    std = parameter.std if std is None else std
-    if not math.isfinite(value) or not math.isfinite(std) or std > MAX_RELATIVE_STD * abs(value):
+    bounds = _bounds(parameter, inner)
+    if bounds:
+        return f"not to be compared with known values: {listed(bounds)} is at the end of its range"
+    unit, factor = read_in(parameter, beside)
+    match = plausible_match(parameter)
+    if match is not None:
+        return f"plausible: {match.what} has {number_words(match.value * factor)}"
+    if usual_spans(parameter):
+        # The end of a range is a bound: nothing says how large the value is.
+        return None if is_at_an_end(parameter) else _usual_words(parameter, factor, unit)
+    if not parameter.std <= _MAX_RELATIVE_STD * abs(parameter.value):
         return "too uncertain to compare with known values"
-    beyond = beyond_all(parameter, value)
+    beyond = _beyond_all(parameter)
     if beyond is not None:
         times, largest = beyond
-        return f"not plausible: {times:.0f} times what {largest.what} has ({largest.value * factor:.4g} {unit})"
-    nearest = min(plausible_values(parameter), key=lambda item: abs(item.value - value))
-    return f"not a known value; the nearest is {nearest.value * factor:.4g} {unit} ({nearest.what})"
+        known = number_words(largest.value * factor)
+        return f"not plausible: {times:.0f} times what {largest.what} has ({known}); something else does this"
+    nearest = min(plausible_values(parameter), key=lambda item: abs(item.value - parameter.value))
+    return f"no known value: the nearest is {number_words(nearest.value * factor)}, {nearest.what}"
 
 
-def beyond_all(parameter: Parameter, value: float) -> tuple[float, Plausible] | None:
+def has_wrong_sign(parameter: Parameter) -> bool:
+    """Tell whether a value has for certain the sign that physics does not allow."""
+    is_known = parameter.sign != 0 and math.isfinite(parameter.std)
+    return is_known and parameter.value * parameter.sign < -MATCH_STD * parameter.std
+
+
+def _bounds(parameter: Parameter, inner: Sequence[Parameter]) -> list[str]:
+    """Name the inner parameters beside a value that are at the end of their ranges."""
+    return [one.name for one in inner if one.name != parameter.name and is_at_an_end(one)]
+
+
+def _beyond_all(parameter: Parameter) -> tuple[float, Plausible] | None:
     """Give how many times an expansion is what the material that expands most has; None of one that plastics have."""
     if parameter.unit != "1/K":
         return None
     largest = max(plausible_values(parameter), key=lambda item: abs(item.value))
-    times = abs(value / largest.value)
+    times = abs(parameter.value / largest.value)
     return (times, largest) if times > _BEYOND_ALL else None
 
 
-def usual_words(
-    parameter: Parameter, value: float | None = None, std: float | None = None, *, factor: float, unit: str
-) -> str | None:
-    """Say whether the size of a fitted value is usual, and for what; None where no span is known, or no value."""
-    spans = usual_spans(parameter)
-    value = parameter.value if value is None else value
-    std = parameter.std if std is None else std
-    if not spans or not math.isfinite(value) or not math.isfinite(std):
+def _usual_words(parameter: Parameter, factor: float, unit: str) -> str | None:
+    """Say whether the size of a value is usual, and for what; None where there is no value."""
+    spans, value, std = usual_spans(parameter), parameter.value, parameter.std
+    if not math.isfinite(value) or not math.isfinite(std):
         return None
-    match = usual_match(parameter, value, std)
+    match = usual_match(parameter)
     if match is not None:
         return f"usual: {_span_words(match, factor, unit)}"
     size = abs(value)

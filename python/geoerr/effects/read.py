@@ -27,7 +27,17 @@ from geoerr.effects.entries import Entries, is_finite_number, shortened
 from geoerr.errors import InputFileError
 from geoerr.files import read_toml
 from geoerr.machine import AXES
-from geoerr.terms import CONSTANTS, FUNCTIONS, Plausible, TermSource, UsualSpan, is_column, is_effect_id, is_name
+from geoerr.terms import (
+    CONSTANTS,
+    FUNCTIONS,
+    SIGNS,
+    Plausible,
+    TermSource,
+    UsualSpan,
+    is_column,
+    is_effect_id,
+    is_name,
+)
 
 _ID_HINT = 'lower-case words joined by hyphens, for example id = "my-effect"'
 _DIRECTIONS: dict[str, tuple[str, ...]] = {
@@ -56,7 +66,6 @@ _OTHER_UNITS = {
 _AGAIN_KEYS = ("id", "title", "again", "source", "looks_like", "cause", "remedy", "mistaken_for")
 PARAMETER_KEYS = ("what", "unit", "plausible", "range", "spacing", "sign")
 _RANGES = (*OF_THE_AXIS, *AXES, "time")
-_SIGNS = {"any": 0, "positive": 1, "negative": -1}
 
 
 def read_descriptions(path: str | Path, origin: TermSource) -> tuple[Description, ...]:
@@ -278,7 +287,7 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
                 plausible=() if reason else tuple(_plausible(item) for item in entries.tables("plausible")),
                 range=_range(entries) if is_inner else None,
                 spacing="log" if entries.text("spacing", "linear", ("linear", "log")) == "log" else "linear",
-                sign=_SIGNS[entries.text("sign", "any", tuple(_SIGNS))],
+                sign=SIGNS[entries.text("sign", "any", tuple(SIGNS))],
                 what=entries.text("what", ""),
                 any_size=reason,
             )

@@ -1,4 +1,4 @@
-"""What the values of a built-in effect are in words, for terms of files that were written before effects said so."""
+"""What a built-in effect says of its values, for terms of files that were written before effects said so."""
 
 from __future__ import annotations
 
@@ -6,32 +6,40 @@ import contextlib
 from dataclasses import replace
 
 from geoerr.effects.collection import catalogue
+from geoerr.effects.effect import Effect
 from geoerr.errors import InputFileError
 from geoerr.machine import Machine
 from geoerr.terms import Parameter, Term
 
 
 def with_words(term: Term, machine: Machine) -> Term:
-    """Give a term whose values say what they are, as the catalogue has it; what a term says itself stays.
+    """Give a term whose values say what they are and which sign physics allows, as the catalogue has it.
 
-    A user's own effect is for its file to say, and so is a name that the catalogue's effect does not have.
+    What a term says itself stays. A user's own effect is for its file to say, and so is a name that the catalogue's
+    effect does not have.
     """
-    is_known = term.source == "built-in" and term.effect is not None and term.effect in catalogue()
-    if not is_known or all(one.what for one in (*term.coefficients, *term.inner)):
+    if term.source != "built-in" or term.effect is None or term.effect not in catalogue():
         return term
-    words = _words_of_names(term, machine)
+    effect = catalogue()[term.effect]
+    has_words = all(one.what for one in (*term.coefficients, *term.inner))
+    has_signs = any(one.sign for one in term.coefficients) or not any(spec.sign for spec in effect.coefficients)
+    if has_words and has_signs:
+        return term
+    known = _parameters_by_name(effect, term, machine)
 
     def said(parameters: tuple[Parameter, ...]) -> tuple[Parameter, ...]:
-        return tuple(one if one.what else replace(one, what=words.get(one.name, "")) for one in parameters)
+        return tuple(_as_said(one, known.get(one.name, one)) for one in parameters)
 
     return replace(term, coefficients=said(term.coefficients), inner=said(term.inner))
 
 
-def _words_of_names(term: Term, machine: Machine) -> dict[str, str]:
-    """Give what the effect calls each name: in any of its forms, lagged or not, in as many sessions as there are."""
-    assert term.effect is not None
-    effect = catalogue()[term.effect]
-    words: dict[str, str] = {}
+def _as_said(parameter: Parameter, known: Parameter) -> Parameter:
+    return replace(parameter, what=parameter.what or known.what, sign=parameter.sign or known.sign)
+
+
+def _parameters_by_name(effect: Effect, term: Term, machine: Machine) -> dict[str, Parameter]:
+    """Give what an effect has by each name: in any of its forms, lagged or not, in as many sessions as there are."""
+    found: dict[str, Parameter] = {}
     numbers = [int(tail) for one in term.coefficients if (tail := one.name.rpartition("_")[2]).isdigit()]
     # Any name for the first, of which nothing is said.
     sessions = ["first", *(str(number) for number in dict.fromkeys(numbers))]
@@ -48,5 +56,5 @@ def _words_of_names(term: Term, machine: Machine) -> dict[str, str]:
                     sessions=sessions,
                 )
                 for one in (*placed.coefficients, *placed.inner):
-                    words.setdefault(one.name, one.what)
-    return words
+                    found.setdefault(one.name, one)
+    return found

@@ -29,10 +29,11 @@ from geoerr import _core
 from geoerr.column_names import is_temperature
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.jumps import Gaps, is_jump_in_time
+from geoerr.fit.owned import OWNED, are_owned
 from geoerr.fit.periods import alike_periods, is_wave, likeliest, place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
-from geoerr.fit.steady import STEADY
+from geoerr.fit.steady import ends_and_middle, is_steady
 from geoerr.fit.ties import first_best
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns
 from geoerr.model.compile import Compiled, compile_terms, core_part
@@ -52,8 +53,6 @@ _ROWS_TO_COMPARE = 512
 # Values that are tried between the neighbours of the best one.
 _CLOSER = 17
 _ROUNDS_CLOSER = 2
-# Columns of which the fit leaves a smaller share are its own: what they gain there is no sign of them.
-_INSIDE = 2e-3
 # A formula that is a straight line in its temperatures is one to this share of its largest value.
 _LINEAR = 1e-9
 # Moments of a jump that are tried at once; of more, every so manieth, and then all about the best.
@@ -168,9 +167,7 @@ def _wave_of(candidate: _Candidate, term: Term) -> tuple[Parameter, Numbers] | N
 
 
 def _alike(period: Parameter, values: Numbers) -> list[float]:
-    assert period.low is not None
-    assert period.high is not None
-    return alike_periods(values, period.value, period.low, period.high)
+    return alike_periods(values, period.value, *period.ends)
 
 
 def _closer(
@@ -377,13 +374,12 @@ def _grid(
     parameter = inner[place]
     if not np.isnan(parameter.value):
         return [parameter.value]
-    assert parameter.low is not None
-    assert parameter.high is not None
+    low, high = parameter.ends
     if parameter.is_fixed:
-        return [parameter.low]
+        return [low]
     is_log = parameter.spacing == "log"
     at = candidate.rows(rows)
-    others = [_middle(one) for one in inner]
+    others = [one.middle for one in inner]
 
     root = _roots(candidate.directions[:, rows])
 
@@ -391,7 +387,7 @@ def _grid(
         trials = [[*others[:place], value, *others[place + 1 :]] for value in values]
         return _spaces(candidate, at.shapes(trials), root)
 
-    values = [float(v) for v in (np.geomspace if is_log else np.linspace)(parameter.low, parameter.high, n_seeds)]
+    values = [float(v) for v in (np.geomspace if is_log else np.linspace)(low, high, n_seeds)]
     found = dict(zip(values, spaces(values), strict=True))
     gaps = list(itertools.pairwise(values))
     for _ in range(_DEEPEST):
@@ -408,24 +404,6 @@ def _grid(
             for half in ((low, middle), (middle, high))
         ]
     return sorted(found)
-
-
-def _ends_and_middle(parameter: Parameter) -> list[float]:
-    if not np.isnan(parameter.value) or parameter.is_fixed:
-        return [_middle(parameter)]
-    assert parameter.low is not None
-    assert parameter.high is not None
-    return [parameter.low, _middle(parameter), parameter.high]
-
-
-def _middle(parameter: Parameter) -> float:
-    if not np.isnan(parameter.value):
-        return parameter.value
-    assert parameter.low is not None
-    assert parameter.high is not None
-    if parameter.spacing == "log":
-        return float(np.sqrt(parameter.low) * np.sqrt(parameter.high))
-    return 0.5 * (parameter.low + parameter.high)
 
 
 def _roots(directions: Numbers) -> Numbers:
@@ -445,7 +423,7 @@ def _spaces(candidate: _Candidate, shapes: Numbers, root: Numbers) -> Numbers:
     gram = columns.transpose(0, 2, 1) @ columns
     size = np.sqrt(np.maximum(np.einsum("tkk->tk", gram), 1e-300))
     value, vector = np.linalg.eigh(gram / (size[:, :, None] * size[:, None, :]))
-    scale = np.where(value > _INSIDE, 1.0 / np.sqrt(np.maximum(value, _INSIDE)), 0.0)
+    scale = np.where(value > OWNED, 1.0 / np.sqrt(np.maximum(value, OWNED)), 0.0)
     return np.asarray(columns @ (vector / size[:, :, None] * scale[:, None, :]))
 
 
@@ -484,9 +462,7 @@ class _Beyond:
     def _owned_means(self) -> _Rows | None:
         """Give the rows with every temperature at its mean, where the columns are to be counted from there.
 
-        Of a machine at 120 ± 3 °C a fit with a scale leaves a thousandth of α T (q − q₀), as little as of what it has
-        itself, whatever q₀ is. Where it has all that the mean does, α (T − T̄) (q − q₀) is the same beside it, and is
-        what can be seen.
+        Of a machine at 120 ± 3 °C a fit with a scale leaves a thousandth of α T (q − q₀), whatever q₀ is (`steady`).
         """
         rows, candidate = self.rows, self.candidate
         temperatures = [place for place, name in enumerate(candidate.names) if is_temperature(name)]
@@ -501,17 +477,17 @@ class _Beyond:
             return replace(rows, variables=changed)
 
         means = at(np.where(np.isnan(values), values, mean))
-        trials = list(itertools.product(*map(_ends_and_middle, candidate.inner)))
+        trials = list(itertools.product(*map(ends_and_middle, candidate.inner)))
         whole, of_means = rows.shapes(trials), means.shapes(trials)
         changing = whole - of_means
         size, changes = (np.einsum("tkk->tk", self._gram(shapes)) for shapes in (whole, changing))
-        if not (changes < STEADY * size).any():
+        if not is_steady(changes, size).any():
             return None
         twice = at(2.0 * values - mean).shapes(trials) - of_means
         if not np.allclose(twice, 2.0 * changing, rtol=0.0, atol=_LINEAR * np.abs(whole).max(initial=0.0)):
             return None
-        owned, inside = np.einsum("tkk->tk", self._gram(of_means)), self._inside(of_means)
-        return means if (owned - np.einsum("tkr,tkr->tk", inside, inside) <= _INSIDE * owned).all() else None
+        squares = np.einsum("tkk->tk", self._gram(of_means))
+        return means if are_owned(squares, self._inside(of_means)).all() else None
 
     def _shapes(self, trials: Sequence[Sequence[float]]) -> Numbers:
         shapes = self.rows.shapes(trials)
@@ -532,7 +508,7 @@ class _Beyond:
         beyond = gram - inside @ inside.transpose(0, 2, 1)
         value, vector = np.linalg.eigh(beyond / (size[:, :, None] * size[:, None, :]))
         along = np.einsum("tik,ti->tk", vector, along / size)
-        return np.asarray((np.where(value > _INSIDE, along**2 / np.maximum(value, _INSIDE), 0.0)).sum(axis=1))
+        return np.asarray((np.where(value > OWNED, along**2 / np.maximum(value, OWNED), 0.0)).sum(axis=1))
 
     def _gram(self, shapes: Numbers) -> Numbers:
         """Give the products of the columns of trials with each other, (n_trials, k, k)."""

@@ -16,19 +16,10 @@ _SENSES = np.array([1, 3, 9], dtype=np.int64)
 def passes_of(
     session: Integers, lines: Sequence[str], repeat: Numbers, commanded_mm: Numbers, directions: npt.NDArray[np.int8]
 ) -> Integers:
-    """Give every row its pass: rows of one session, line, repeat and direction of the axes that move in it.
-
-    A row alone is no pass: it says nothing of how rows of one scatter. Where every row has a repeat, or a line, of
-    its own, that column does not part them.
-    """
+    """Give every row its pass: rows of one session, line, repeat and direction of the axes that move in it."""
     if not len(session):
         return np.zeros(0, dtype=np.int64)
-    rounds = np.nan_to_num(repeat).tolist()
-    columns = (session.tolist(), list(lines), rounds)
-    for fewer in (columns, (columns[0], rounds), columns[:2], columns[:1]):
-        group = _grouped(*fewer)
-        if int(group.max()) + 1 < len(group):
-            break
+    group = named_runs(session, lines, repeat)
     # Groups one after another, the rows of each in their order.
     order = np.argsort(group, kind="stable")
     own = group[order]
@@ -41,6 +32,21 @@ def passes_of(
     numbers = np.empty(len(group), dtype=np.int64)
     numbers[order] = np.argsort(np.argsort(first))[of_key]
     return numbers
+
+
+def named_runs(session: Integers, lines: Sequence[str], repeat: Numbers) -> Integers:
+    """Give every row its run as the file names it: rows of one session, line and repeat, whichever way they went.
+
+    A row alone is no run: it says nothing of how rows of one scatter. Where every row has a repeat, or a line, of its
+    own, that column does not part them.
+    """
+    rounds = np.nan_to_num(repeat).tolist()
+    columns = (session.tolist(), list(lines), rounds)
+    for fewer in (columns, (columns[0], rounds), columns[:2]):
+        group = _grouped(*fewer)
+        if int(group.max(initial=-1)) + 1 < len(group):
+            return group
+    return _grouped(columns[0])
 
 
 def _grouped(*columns: Sequence[object]) -> Integers:

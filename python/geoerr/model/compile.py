@@ -98,13 +98,7 @@ def start_values(terms: Sequence[Term]) -> tuple[Numbers, Numbers]:
     A coefficient that is not known is 0, an inner parameter the middle of its range, in its own spacing.
     """
     coefficients = [0.0 if np.isnan(p.value) else p.value for term in terms for p in term.coefficients]
-    inner = []
-    for parameter in (p for term in terms for p in term.inner):
-        low, high = parameter.low, parameter.high
-        assert low is not None
-        assert high is not None
-        middle = np.sqrt(low) * np.sqrt(high) if parameter.spacing == "log" else 0.5 * low + 0.5 * high
-        inner.append(float(middle) if np.isnan(parameter.value) else parameter.value)
+    inner = [p.middle for term in terms for p in term.inner]
     return np.array(coefficients, dtype=np.float64), np.array(inner, dtype=np.float64)
 
 

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geoerr.effects.plausible import plausible_words
 from geoerr.error_functions import LI_NAMES, LINEAR_AND_ANGULAR, SQUARENESS, is_angular
 from geoerr.machine import AXES
+from geoerr.model.effect_values import effect_values
 from geoerr.model.fit_words import FIGURES, NOT_SETTLED, OF_STATED, fit_sentences, other_figures
 from geoerr.model.groups import POSITIONING
 from geoerr.model.parameters import Correlation
 from geoerr.summaries import by_reason
-from geoerr.terms import Parameter, Term
+from geoerr.terms import Term
 
 if TYPE_CHECKING:
     from geoerr.model.model import Model
@@ -102,11 +102,12 @@ def _fit(model: Model) -> Iterator[str]:
 
 def _parameters(model: Model) -> Iterator[str]:
     yield from _curves(_known_part(model))
+    values = effect_values(model)
     for term in model.terms:
         if term.kind != "classic":
             yield from _wrapped(term.id)
-            for parameter in term.coefficients + term.inner:
-                yield from _wrapped(parameter_words(term, parameter), 2)
+            for value, words in values[term.id]:
+                yield from _wrapped(f"{value} ({words})" if words else value, 2)
         elif not _is_known(term):
             yield from _wrapped(f"{term.id}: {len(term.coefficients)} coefficients, not fitted yet")
     if model.errors is None and not model.terms:
@@ -145,22 +146,6 @@ def _curves(model: Model) -> Iterator[str]:
             std = None if squareness.std_rad is None else squareness.std_rad * _MICRO
             value = _with_std(squareness.value_rad * _MICRO, std)
             yield f"{_INDENT}{name} {LI_NAMES[name]:<6} squareness   {value} µrad"
-
-
-def parameter_words(term: Term, parameter: Parameter) -> str:
-    """Write a term's parameter with its standard uncertainty, unit, and whether it is a known value."""
-    factor, unit = 1.0, parameter.unit
-    if parameter.unit == "mm" and parameter in term.coefficients:
-        factor, unit = _UM_PER_MM, "µm"
-    elif parameter.unit == "rad":
-        factor, unit = _MICRO, "µrad"
-    if math.isnan(parameter.value):
-        return f"{parameter.label}: not fitted yet, {parameter.unit}".rstrip(" ,")
-    text = f"{parameter.label} = {_value_with_std(parameter.value * factor, parameter.std * factor)} {unit}".rstrip()
-    if parameter.is_fixed:
-        text += ", held"
-    words = plausible_words(parameter, factor=factor, unit=unit)
-    return text if words is None else f"{text}, {words}"
 
 
 def _correlations(model: Model) -> Iterator[str]:
@@ -235,18 +220,6 @@ def _with_std(value: float, std: float | None) -> str:
 
 def _signed(value: float, digits: int) -> str:
     return f"{value:.{digits}f}".replace("-", "−")
-
-
-def _value_with_std(value: float, std: float) -> str:
-    """Write a value to the second figure of its uncertainty."""
-    if not std > 0.0:
-        return f"{value:.6g}"
-    digits = 1 - math.floor(math.log10(std))
-    if 1e-3 <= abs(value) < 1e5 and std < 1e5:
-        decimals = min(max(digits, 0), 12)
-        return f"{value:.{decimals}f} ± {std:.{decimals}f}"
-    behind_the_first = digits + (math.floor(math.log10(abs(value))) if value else 0)
-    return f"{value:.{min(max(behind_the_first, 1), 12)}e} ± {std:.1e}"
 
 
 def _wrapped(text: str, level: int = 1) -> Iterator[str]:

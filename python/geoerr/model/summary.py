@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from geoerr.machine import AXES
+from geoerr.model.effect_values import effect_values
 from geoerr.model.fit_words import FIGURES
 from geoerr.summaries import by_reason, facts_html, number_text, sentences_html, span_text, summary_html, table_html
 
@@ -19,9 +20,6 @@ _HISTORY = ("", "effect", "in words", "residual, µm", "held out, µm")
 
 def model_html(model: Model) -> str:
     """Show what a model is made of, how well it is known, and how it came about."""
-    # Deferred: the report's text is made of models.
-    from geoerr.model.report import parameter_words
-
     facts = {"machine": f"{model.machine.name}, {model.machine.chain}"}
     if model.errors is not None:
         facts["tables"] = (
@@ -34,12 +32,8 @@ def model_html(model: Model) -> str:
         facts["errors"] = "none: the nominal machine"
     if model.conditions:
         facts["predictions need"] = ", ".join(model.conditions)
-    rows = [
-        (term.id, parameter_words(term, parameter))
-        for term in effects
-        for parameter in (*term.coefficients, *term.inner)
-    ]
-    parts = [facts_html(facts), table_html(("effect", "value"), rows)]
+    rows = [(name, *one) for name, values in effect_values(model).items() for one in values]
+    parts = [facts_html(facts), table_html(("effect", "value", "would physics give it"), rows)]
     if model.record is not None:
         parts.append(record_parts(model.record))
     return summary_html("Model", *parts)

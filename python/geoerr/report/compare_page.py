@@ -168,13 +168,14 @@ def _spread_table(spreads: Sequence[SpreadTrend]) -> Table:
             one.component,
             f"{one.least_um:.2f}",
             f"{one.most_um:.2f}",
+            "within runs" if one.is_within_runs else "about the mean",
             f"{one.p_value:.1g}",
         )
         for one in spreads
     )
     return Table(
-        "What its size follows about the mean of each bin, surest first",
-        ("over", "component", "least rms, µm", "most, µm", "p"),
+        "What its size follows about the mean of each bin, and within runs, surest first",
+        ("over", "component", "least rms, µm", "most, µm", "", "p"),
         rows,
     )
 

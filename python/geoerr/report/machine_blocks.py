@@ -8,10 +8,9 @@ import numpy as np
 
 from geoerr.diagnose import Comparison
 from geoerr.diagnose.labels import variable_label
-from geoerr.diagnose.words import amplitude_words, plausibility_words, value_words
-from geoerr.effects.amplitudes import amplitudes_by_term, parts_of
 from geoerr.machine import AXES
 from geoerr.model import Model
+from geoerr.model.effect_values import effect_values
 from geoerr.model.fit_words import FIGURES, fit_sentences
 from geoerr.observations import PIXELS
 from geoerr.report.page import Block, Paragraph, Table, as_sentence
@@ -119,21 +118,12 @@ def record_blocks(model: Model) -> tuple[Block, ...]:
 
 def effect_blocks(model: Model) -> tuple[Block, ...]:
     """Show the terms beyond the classic errors, each value with its standard uncertainty; nothing without any."""
-    amplitudes = {} if model.record is None else amplitudes_by_term(model.terms, model.record.covariance)
-    rows: list[tuple[str, ...]] = []
-    for term in model.terms:
-        if term.kind == "classic":
-            continue
-        own = amplitudes.get(term.id, ())
-        named = (term.id, term.title + (" (of the measuring rig: never compensated)" if term.is_rig else ""))
-        parameters = (*term.coefficients, *term.inner)
-        for parameter in parameters:
-            value = "not fitted yet" if math.isnan(parameter.value) else value_words(parameter, parameters)
-            words = None
-            if parameter.name not in parts_of(own):
-                words = plausibility_words(parameter, inner=term.inner, beside=parameters)
-            rows.append((*named, value, words or ""))
-        rows += [(*named, *amplitude_words(one).rstrip(")").partition(" (")[::2]) for one in own]
+    said = effect_values(model)
+    rows = [
+        (term.id, term.title + (" (of the measuring rig: never compensated)" if term.is_rig else ""), *one)
+        for term in model.terms
+        for one in said.get(term.id, ())
+    ]
     header = ("effect", "in words", "value ± standard uncertainty", "would physics give it")
     return (Table("Effects", header, tuple(rows)),) if rows else ()
 

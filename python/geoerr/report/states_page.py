@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geoerr.effects.plausible import plausible_words
+from geoerr.effects.values import value_words
 from geoerr.errors import NotDeterminedError
 from geoerr.report.figures import style
 from geoerr.report.figures.states import difference_curves, difference_map, state_curves, style_probability
@@ -65,18 +66,15 @@ def _model(states: States) -> Table:
     rows = [
         (
             term.id,
-            parameter.label,
-            f"{parameter.value:.4g}",
-            f"{parameter.std:.2g}",
-            parameter.unit,
-            plausible_words(parameter) or "",
+            value_words(parameter, term.coefficients),
+            plausible_words(parameter, beside=term.coefficients) or "",
         )
         for term in states.model.temperature_terms
         for parameter in term.coefficients
     ]
     fit = states.temperature_fit
     caption = f"What follows {states.covariate}; p {style_probability(fit.misfit.p_value)} that this is all"
-    return Table(caption, ("term", "in words", "value", "±", "unit", "like"), tuple(rows))
+    return Table(caption, ("term", "value ± standard uncertainty", "would physics give it"), tuple(rows))
 
 
 def _left_out(states: States) -> Table:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from geoerr.effects.plausible import plausible_words
+from geoerr.effects.values import value_words
 from geoerr.error_functions import LI_NAMES, is_angular
 from geoerr.errors import NotDeterminedError
 from geoerr.states.difference import Difference
@@ -81,10 +82,9 @@ def _temperature_lines(states: States) -> Iterator[str]:
         yield "  nothing follows temperature beyond chance"
     for term in model.temperature_terms:
         for parameter in term.coefficients:
-            words = plausible_words(parameter)
+            words = plausible_words(parameter, beside=term.coefficients)
             yield from _wrapped(
-                f"{term.id}: {parameter.label} = {parameter.value:.4g} ± {parameter.std:.2g} {parameter.unit}"
-                + (f"; {words}" if words else "")
+                f"{term.id}: {value_words(parameter, term.coefficients)}" + (f" ({words})" if words else "")
             )
     yield from _wrapped(
         f"what the states show beyond these: {_chance(fit.misfit.p_value)}"

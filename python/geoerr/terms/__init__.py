@@ -33,7 +33,7 @@ from geoerr.terms.names import (
     mentions,
     names_in,
 )
-from geoerr.terms.parameter import Parameter, Plausible, UsualSpan
+from geoerr.terms.parameter import SIGNS, Parameter, Plausible, UsualSpan
 from geoerr.terms.reference import REFERENCE_AXES, EffectReference, parse_effect_reference
 from geoerr.terms.session_numbers import session_numbers
 from geoerr.terms.term import Part, Term, TermSource
@@ -53,6 +53,7 @@ __all__ = [
     "REFERENCE_AXES",
     "RIG_CHANNELS",
     "SESSION_NAME",
+    "SIGNS",
     "SQUARENESS_CHANNELS",
     "BasisKind",
     "BasisSpec",

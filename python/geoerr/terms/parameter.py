@@ -13,6 +13,8 @@ from geoerr.terms.names import is_name
 
 Spacing = Literal["linear", "log"]
 _SPACINGS = get_args(Spacing)
+#: Signs that physics allows a value, as files have them.
+SIGNS = {"any": 0, "positive": 1, "negative": -1}
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,8 @@ class Parameter:
         How trial values are spread over that range.
     what
         What it is, in words, where the effect says; no part of what is compared.
+    sign
+        +1 or −1 where physics allows one sign only, else 0; no part of what is compared.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Parameter:
     high: float | None = None
     spacing: Spacing = "linear"
     what: str = ""
+    sign: int = 0
 
     def __post_init__(self) -> None:
         # Thousands are made in a fit: what is refused is put into words only then.
@@ -118,6 +123,8 @@ class Parameter:
                 raise ShapeError(f"{field} of {self.name} is {number!r}")
         if self.std < 0.0:
             raise ShapeError(f"std of {self.name} is negative")
+        if self.sign not in SIGNS.values():
+            raise ShapeError(f"sign of {self.name} is {self.sign!r}")
         if self.spacing not in _SPACINGS:
             raise ShapeError(f"spacing {self.spacing!r} of {self.name} is not known")
         self._check_range()
@@ -161,6 +168,21 @@ class Parameter:
         """Whether an inner parameter's range is one point, so that there is nothing to search."""
         return self.low is not None and self.low == self.high
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both ends of the range of an inner parameter: a coefficient has none."""
+        assert self.low is not None
+        assert self.high is not None
+        return self.low, self.high
+
+    @property
+    def middle(self) -> float:
+        """Its value; while unknown the middle of its range, in its own spacing; NaN of one without a range."""
+        if not math.isnan(self.value) or self.low is None or self.high is None:
+            return self.value
+        # The product of both ends might overflow.
+        return math.sqrt(self.low) * math.sqrt(self.high) if self.spacing == "log" else 0.5 * (self.low + self.high)
+
     def to_document(self) -> dict[str, Any]:
         """Give plain values; an unknown value or uncertainty is null."""
         document: dict[str, Any] = {
@@ -175,6 +197,8 @@ class Parameter:
             document |= {"low": self.low, "high": self.high, "spacing": self.spacing}
         if self.what:
             document["what"] = self.what
+        if self.sign:
+            document["sign"] = next(name for name, sign in SIGNS.items() if sign == self.sign)
         return document
 
     @classmethod
@@ -186,8 +210,11 @@ class Parameter:
         name, unit = entries.text("name"), entries.text("unit")
         low, high = entries.number("low", None), entries.number("high", None)
         spacing: Any = entries.text("spacing", "linear")
-        what = entries.text("what", "")
-        return checked(path, key, lambda: cls(name, unit, value, std, plausible, low, high, spacing, what))
+        what, sign = entries.text("what", ""), entries.text("sign", "any")
+        if sign not in SIGNS:
+            raise entries.refuse("sign", f"{sign!r} is none of {', '.join(SIGNS)}")
+        numbers = low, high, spacing, what, SIGNS[sign]
+        return checked(path, key, lambda: cls(name, unit, value, std, plausible, *numbers))
 
 
 def _plausible(entries: Entries) -> Plausible | UsualSpan:

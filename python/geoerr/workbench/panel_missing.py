@@ -7,7 +7,8 @@ from typing import Any
 from dash import dcc, html
 
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.diagnose.words import sure_words, value_words
+from geoerr.diagnose.words import sure_words
+from geoerr.effects.values import value_words
 from geoerr.fit.figures import ErrorFigures
 from geoerr.fit.from_nothing import SIGNIFICANCE
 from geoerr.terms import Parameter

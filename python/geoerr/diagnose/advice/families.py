@@ -104,7 +104,7 @@ def family_of(machine: Machine, forms: Sequence[Term], number: int, sightings: S
         inner = [_valued(parameter) for parameter in form.inner]
         free = [place for place, one in enumerate(inner) if not one.is_fixed]
         affine = _affine(machine, form, inner, free, sightings, poses) if free else []
-        corners = list(itertools.product(*[_ends(inner[place]) for place in affine]))
+        corners = list(itertools.product(*[inner[place].ends for place in affine]))
         searched = [place for place in free if place not in affine]
         width = len(form.coefficients) * len(corners) * max(len(searched), 1)
         room = _COLUMNS // (len(forms) * width) - len(_NEAR)
@@ -132,23 +132,13 @@ def _trials(inner: Sequence[Parameter], free: Sequence[int], n_coarse: int) -> l
     return found
 
 
-def _ends(parameter: Parameter) -> tuple[float, float]:
-    assert parameter.low is not None
-    assert parameter.high is not None
-    return parameter.low, parameter.high
-
-
 def _valued(parameter: Parameter) -> Parameter:
     """Give a parameter that has a value: the middle of its range, in its own spacing, where it has none."""
-    if not np.isnan(parameter.value):
-        return parameter
-    low, high = _ends(parameter)
-    middle = np.sqrt(low) * np.sqrt(high) if parameter.spacing == "log" else 0.5 * (low + high)
-    return replace(parameter, value=float(middle))
+    return replace(parameter, value=parameter.middle) if np.isnan(parameter.value) else parameter
 
 
 def _values(parameter: Parameter, n_coarse: int) -> tuple[list[float], list[float]]:
-    (low, high), at, std = _ends(parameter), parameter.value, parameter.std
+    (low, high), at, std = parameter.ends, parameter.value, parameter.std
     spread = np.geomspace if parameter.spacing == "log" else np.linspace
     coarse = [float(value) for value in spread(low, high, n_coarse)]
     near = [at + step * std for step in _NEAR] if np.isfinite(std) and 0.0 < std < 0.5 * (high - low) else []
@@ -174,7 +164,7 @@ def _affine(
     copies: list[Term] = []
     shares = (0.0, 0.5, 1.0, 0.3)
     for place in places:
-        low, high = _ends(inner[place])
+        low, high = inner[place].ends
         for share in shares:
             value = low + share * (high - low)
             copies.append(_fixed(term, [*middle[:place], value, *middle[place + 1 :]], f"a{len(copies)}"))

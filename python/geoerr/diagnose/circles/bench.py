@@ -19,10 +19,9 @@ from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.noise import Noise
 from geoerr.diagnose.circles.probes import Probe
 from geoerr.distributions import chi_squared_log_sf
+from geoerr.fit.owned import OWNED
 from geoerr.fit.sightings import Numbers
 
-# Directions of which the model leaves a smaller share are the model's own: nothing can be said of them.
-OWNED = 0.002
 # Coefficients that move the radius by less than this share of the term's largest do not move it.
 _UNSEEN = 1e-6
 # A direction of several columns below this share of the largest is none of its own.

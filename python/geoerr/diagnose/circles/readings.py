@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geoerr.diagnose.circles.runs import UM_PER_MM, Runs
-from geoerr.diagnose.words import BOUND, is_at_an_end
-from geoerr.effects.plausible import plausible_match
+from geoerr.effects.plausible import plausible_words
+from geoerr.effects.values import BOUND, is_at_an_end
 from geoerr.terms import Parameter, Term
 
 _MS_PER_S = 1e3
@@ -183,13 +183,13 @@ def _wave(term: Term, covariance: np.ndarray, runs: Runs) -> list[Reading]:
             found.append(Reading(what + harmonic, *reading, "µm"))
     period = next((p for p in term.inner if p.name == "P"), None)
     if period is not None:
-        found.append(Reading("pitch", period.value, period.std, "mm", _known(period)))
+        found.append(Reading("pitch", period.value, period.std, "mm", _known(period, term.inner)))
     return found
 
 
-def _known(parameter: Parameter) -> str:
-    match = plausible_match(parameter)
-    return "" if match is None else match.what
+def _known(parameter: Parameter, inner: Sequence[Parameter]) -> str:
+    """Say what physics says of a value that was searched for, and of a bound that it is one."""
+    return BOUND if is_at_an_end(parameter) else plausible_words(parameter, inner) or ""
 
 
 def _amplitude(term: Term, covariance: np.ndarray, a: int, b: int) -> tuple[float, float] | None:
@@ -216,7 +216,7 @@ def _vibration(term: Term, by_run: Sequence[Sequence[float]]) -> tuple[Reading, 
     frequency = next(p for p in term.inner if p.name == "f")
     return (
         _of(amplitude),
-        Reading("frequency", frequency.value, frequency.std, "Hz", _known(frequency)),
+        Reading("frequency", frequency.value, frequency.std, "Hz", _known(frequency, term.inner)),
     )
 
 

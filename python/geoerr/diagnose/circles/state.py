@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoerr.diagnose.circles.bench import OWNED, Bench, Group, groups_of
+from geoerr.diagnose.circles.bench import Bench, Group, groups_of
 from geoerr.diagnose.circles.causes import Suspect, Way
 from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.found import Found
@@ -14,6 +14,7 @@ from geoerr.diagnose.circles.noise import CAUTION, Noise, blocks_of, fit_noise, 
 from geoerr.diagnose.circles.probes import probes_of
 from geoerr.diagnose.circles.runs import Runs
 from geoerr.diagnose.space import doubt_that_counts
+from geoerr.fit.owned import OWNED
 from geoerr.fit.sightings import Numbers
 
 # Family-wise: one half for names, the other for probes.

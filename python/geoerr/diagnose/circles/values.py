@@ -13,7 +13,7 @@ from geoerr.diagnose.circles.found import Found, Rival
 from geoerr.diagnose.circles.noise import orthonormal
 from geoerr.diagnose.circles.state import State
 from geoerr.diagnose.ties import TOO_ALIKE, is_as_good, z_by_noise
-from geoerr.diagnose.words import is_at_an_end
+from geoerr.effects.values import is_at_an_end
 from geoerr.fit.sightings import Numbers
 
 CAUTION_OF_VALUES = 1.0

@@ -110,7 +110,5 @@ def other_periods(functions: Functions, term: Term, is_used: np.ndarray) -> tupl
         return None
     place, values = wave
     parameter = term.inner[place]
-    assert parameter.low is not None
-    assert parameter.high is not None
-    others = alike_periods(values[is_used], parameter.value, parameter.low, parameter.high)
+    others = alike_periods(values[is_used], parameter.value, *parameter.ends)
     return (place, others) if others else None

@@ -134,7 +134,7 @@ class InnerSearch:
         coefficients, gain = own.estimate(self.space)
         slopes = []
         for place in self.free:
-            low, high = range_of(self.term.inner[place])
+            low, high = self.term.inner[place].ends
             is_log = self.term.inner[place].spacing == "log"
             step = 1e-4 * (abs(inner[place]) if is_log else high - low)
             ends = [[*inner[:place], inner[place] + sign * step, *inner[place + 1 :]] for sign in (1.0, -1.0)]
@@ -203,13 +203,13 @@ class InnerSearch:
             held |= outward
 
     def _leaves(self, place: int, value: float, step: float) -> bool:
-        low, high = range_of(self.term.inner[place])
+        low, high = self.term.inner[place].ends
         return (value <= low and step < 0.0) or (value >= high and step > 0.0)
 
     def _inside(self, inner: Sequence[float], step: Sequence[float]) -> list[float]:
         moved = [a + b for a, b in zip(inner, step, strict=True)]
         for place in self.free:
-            moved[place] = float(np.clip(moved[place], *range_of(self.term.inner[place])))
+            moved[place] = float(np.clip(moved[place], *self.term.inner[place].ends))
         return moved
 
     def _other_valleys(self, found: Derived, places: Sequence[int]) -> list[list[float]]:
@@ -217,7 +217,7 @@ class InnerSearch:
         n_points = _ON_GRID.get(len(places))
         if n_points is None:
             return []
-        axes = [_between(self.term.inner[place], *range_of(self.term.inner[place]), n_points) for place in places]
+        axes = [_between(self.term.inner[place], *self.term.inner[place].ends, n_points) for place in places]
         trials = []
         for values in product(*axes):
             trial = list(found.inner)
@@ -255,16 +255,9 @@ def standard_errors(free: Sequence[int], found: Derived, others: Sequence[Derive
     return result
 
 
-def range_of(parameter: Parameter) -> tuple[float, float]:
-    """Give the range of a parameter that is looked for."""
-    assert parameter.low is not None
-    assert parameter.high is not None
-    return parameter.low, parameter.high
-
-
 def around(parameter: Parameter, value: float, std: float) -> tuple[float, float]:
     """Give the bounds within a few standard errors of a value, inside the parameter's range."""
-    low, high = range_of(parameter)
+    low, high = parameter.ends
     return max(low, value - _REACH * std), min(high, value + _REACH * std)
 
 
@@ -273,7 +266,7 @@ def neighbours(shapes: Shapes, trial: int, place: int) -> tuple[float, float]:
     assert shapes.term is not None
     tried = sorted({values[place] for values in shapes.trials})
     if len(tried) == 1:
-        return range_of(shapes.term.inner[place])
+        return shapes.term.inner[place].ends
     at = tried.index(shapes.trials[trial][place])
     return tried[max(at - 1, 0)], tried[min(at + 1, len(tried) - 1)]
 

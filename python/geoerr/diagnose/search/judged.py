@@ -126,11 +126,7 @@ def is_admissible(space: Space, scanner: Scanner, judged: Judged) -> bool:
     term = judged.shapes.term
     if not isinstance(judged.what, Candidate) or term is None:
         return True
-    specs = judged.what.effect.coefficients
-    signs = [
-        next((s.sign for s in specs if one.name == s.name or one.name.startswith(f"{s.name}_")), 0)
-        for one in term.coefficients
-    ]
+    signs = [one.sign for one in term.coefficients]
     if not any(signs):
         return True
     own = seen(space, scanner.raw_columns(judged.shapes, judged.trial))

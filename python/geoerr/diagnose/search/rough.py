@@ -28,8 +28,8 @@ from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, evidence_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled
-from geoerr.diagnose.space import OWNED
 from geoerr.fit.classic import positions_by_axis
+from geoerr.fit.owned import OWNED
 from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.machine import AXES

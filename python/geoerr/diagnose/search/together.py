@@ -10,7 +10,6 @@ import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, is_free
 from geoerr.diagnose.scan import Scanner, seen
-from geoerr.diagnose.search.inner import range_of
 from geoerr.diagnose.search.judged import Judged, reference_of
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, explained_share, shapes_at
@@ -86,7 +85,7 @@ def _with_inner(judged: Judged, shared: dict[str, float]) -> Term | None:
 def _columns(scanner: Scanner, term: Term, shared: dict[str, float]) -> Numbers:
     """Give a term's columns (n, 3, k) at the shared inner values, and at both ends of the others' ranges."""
     choices = [
-        (shared[one.name],) if one.name in shared else range_of(one) if is_free(one) else (one.value,)
+        (shared[one.name],) if one.name in shared else one.ends if is_free(one) else (one.value,)
         for one in term.inner
     ]
     corners = [shapes_at(scanner.functions, term, inner) for inner in itertools.product(*choices)]
