@@ -128,7 +128,7 @@ def test_thermal_drift_and_cameras_that_drift_are_told_apart_by_a_static_marker(
     first = adviser(log, nothing, names, 1, drift=cameras)
     advice = first.separation()
     assert advice.text == "a static reference marker"
-    assert [plan.name for plan, _ in advice.measurements] == ["marker+warm:temp_bed"]
+    assert [plan.name for plan, _ in advice.measurements] == ["marker+warm-cool-on:temp_bed"]
     after = adviser(carried_out(log, advice), nothing, names, 1, drift=cameras)
     assert lead(after, "camera-drift", advice) > TOLD_APART
 
@@ -287,7 +287,7 @@ def test_what_stays_alike_is_told(one_course: Log) -> None:
 
 def test_a_plan_in_which_lines_are_run_again_and_again_runs_them_while_it_warms(one_course: Log) -> None:
     plans = {plan.name: plan for plan in adviser(one_course, _growing, GROWTH, 21).plans}
-    watched, run = plans["warm:temp_bed"], plans["warm4:temp_bed"]
+    watched, run = plans["warm:temp_bed"], plans["warm-on:temp_bed"]
     assert "watching 4 places of x every 4 min" in watched.words
     assert "4 times cold, heat what temp_bed measures" in run.words
     assert "running on all the while" in run.words

@@ -23,10 +23,10 @@ _HEAT_MINUTES, _COOL_MINUTES, _REST_MINUTES = 40.0, 40.0, 40.0
 # One round of pictures in so many minutes while something changes.
 _EVERY_MINUTES = 4.0
 _N_POINTS = 4
-# Where lines are run on while it heats, and so often before and after: that takes no time. What was measured before
+# Where lines are run on while it heats, and so often before and after: that takes little. What was measured before
 # temperatures went their own ways is thousands of rows in which candidates are one, and a few places every few
-# minutes do not outweigh them.
-_RUNS = 4
+# minutes do not outweigh them. Before and after in so many minutes: on a slow machine a run is a quarter of an hour.
+_MOST_RUNS, _RUNS_MINUTES = 4, 8.0
 # Rounds are numbered from here where it cools.
 _FIRST_COOLING = 1000
 _WORK_MINUTES = 20.0
@@ -53,8 +53,8 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
 
 def _of_heat(situation: Situation, question: Question, heated: Sequence[str]) -> Iterator[Measurement]:
     """Give the plans that heat what some sensors sit on."""
-    watched, run = warming(situation, question.axes, heated), warming(situation, question.axes, heated, n_runs=_RUNS)
-    there_and_back = warming(situation, question.axes, heated, n_runs=_RUNS, cools=True)
+    watched, run = warming(situation, question.axes, heated), warming(situation, question.axes, heated, runs_on=True)
+    there_and_back = warming(situation, question.axes, heated, runs_on=True, cools=True)
     for warm in (watched, run):
         yield warm
         if question.scales_view:
@@ -117,16 +117,15 @@ def work(situation: Situation, axis: str) -> Measurement:
 
 
 def warming(
-    situation: Situation, axes: Sequence[str], heated: Sequence[str], *, n_runs: int = 1, cools: bool = False
+    situation: Situation, axes: Sequence[str], heated: Sequence[str], *, runs_on: bool = False, cools: bool = False
 ) -> Measurement:
     """Heat what some sensors sit on, the others left cold; then let it cool, if asked for.
 
-    With one run of the lines cold and warm a few places are watched in between; with more the lines are run on, and
-    cooling takes half the time that heating has otherwise. What comes back with the temperature neither time nor the
-    use of an axis does.
+    A few places are watched while temperatures change, or the lines are run on: then heating and cooling together
+    take the time of heating. What comes back with the temperature neither time nor the use of an axis does.
     """
     course = Course(situation)
-    runs_on = n_runs > 1
+    n_runs = _n_runs(situation, axes) if runs_on else 1
     heat_minutes, cool_minutes = (
         (0.5 * _HEAT_MINUTES, 0.5 * _COOL_MINUTES) if runs_on and cools else (_HEAT_MINUTES, _COOL_MINUTES)
     )
@@ -173,7 +172,7 @@ def warming(
         f"In one set-up: run {listed(list(axes))} there and back{often} cold, heat {what}{others} for "
         f"{duration(heat_minutes)}, {meanwhile}, and run the lines again{often} warm{end}"
     )
-    name = f"{'warm-cool' if cools else 'warm'}{'' if n_runs == 1 else n_runs}:{'+'.join(heated)}"
+    name = f"warm{'-cool' if cools else ''}{'-on' if runs_on else ''}:{'+'.join(heated)}"
     title = f"another temperature of {listed(list(heated))}" + (", rising and falling" if cools else "")
     return Measurement(name, title, words, pictures, situation.targets, conditions)
 
@@ -202,6 +201,14 @@ def _rounds(course: Course, axes: Sequence[str], minutes: float, first: int = 0)
         _round(course, axes, number)
         number += 1
         course.wait(max(60.0 * _EVERY_MINUTES - (course.t_s - begun_s), 0.0))
+
+
+def _n_runs(situation: Situation, axes: Sequence[str]) -> int:
+    """Give how often lines are run in the time that there is for it, once at least."""
+    course = Course(situation)
+    begins_s = course.t_s
+    lines(course, axes)
+    return int(np.clip(60.0 * _RUNS_MINUTES // (course.t_s - begins_s), 1, _MOST_RUNS))
 
 
 def _running(course: Course, axes: Sequence[str], minutes: float, first: int = 0) -> None:
