@@ -128,7 +128,7 @@ def test_thermal_drift_and_cameras_that_drift_are_told_apart_by_a_static_marker(
     first = adviser(log, nothing, names, 1, drift=cameras)
     advice = first.separation()
     assert advice.text == "a static reference marker"
-    assert [plan.name for plan, _ in advice.measurements] == ["marker+warm:temp_bed"]
+    assert [plan.name for plan, _ in advice.measurements] == ["marker+warm-cool-on:temp_bed"]
     after = adviser(carried_out(log, advice), nothing, names, 1, drift=cameras)
     assert lead(after, "camera-drift", advice) > TOLD_APART
 
@@ -239,3 +239,60 @@ def test_ramps_tell_what_follows_the_acceleration() -> None:
     assert [plan.name for plan, _ in advice.measurements] == ["ramps:x"]
     after = adviser(carried_out(log, advice), _yielding, names, 9)
     assert lead(after, "acceleration:x", advice) > TOLD_APART
+
+
+def _one_course(log: Log) -> Log:
+    """Let the frame's temperature follow the bed's at once, as where one heater warms both."""
+    share = log.t / log.t.max()
+    log.columns |= {"temp_bed": 20.0 + 50.0 * share, "temp_frame": 20.0 + 20.0 * share}
+    return log
+
+
+def _growing(log: Log) -> np.ndarray:
+    """Growth of X by a millionth a kelvin of the bed, from its lower end."""
+    return 1e-3 * (log.columns["temp_bed"][:, None] - 20.0) * log.q[:, :1] * X
+
+
+GROWTH = ("thermal-expansion:x@temp_bed", "thermal-expansion:x@temp_frame")
+
+
+@pytest.fixture(scope="module")
+def one_course() -> Log:
+    """Many lines: rows in which both temperatures are one outweigh few in which they are not."""
+    return _one_course(lines_at_one_feed(np.random.default_rng(21), n_lines=400, is_moving=False))
+
+
+def test_what_is_told_apart_is_no_longer_alike_either_however_many_rows_there_were(one_course: Log) -> None:
+    first = adviser(one_course, _growing, GROWTH, 21)
+    assert first.correlations().min() > 0.999
+    advice = first.separation()
+    assert advice.minutes is not None
+    assert advice.minutes < 60.0
+    assert advice.still_alike == ()
+    expected = first.correlations(advice.measurements)
+    assert expected[0, 1] < 0.9
+    after = adviser(carried_out(one_course, advice), _growing, GROWTH, 21).correlations()
+    # What comes out is what was expected.
+    np.testing.assert_allclose(after, expected, atol=0.02)
+
+
+def test_what_stays_alike_is_told(one_course: Log) -> None:
+    """A few places watched while it warms tell the two apart, and leave them alike."""
+    advice = adviser(one_course, _growing, GROWTH, 21).separation(most_minutes=50.0)
+    assert advice.is_enough
+    assert {pair[:2] for pair in advice.still_alike} == {GROWTH, GROWTH[::-1]}
+    assert all(0.95 < correlation < 1.0 for _, _, correlation in advice.still_alike)
+    assert "their correlation stays above 0.95 all the same: thermal-expansion:x@temp_bed and" in str(advice.plan)
+
+
+def test_a_plan_in_which_lines_are_run_again_and_again_runs_them_while_it_warms(one_course: Log) -> None:
+    plans = {plan.name: plan for plan in adviser(one_course, _growing, GROWTH, 21).plans}
+    watched, run = plans["warm:temp_bed"], plans["warm-on:temp_bed"]
+    assert "watching 4 places of x every 4 min" in watched.words
+    assert "4 times cold, heat what temp_bed measures" in run.words
+    assert "running on all the while" in run.words
+    # In minutes it is no more than the three further runs cold and warm.
+    assert run.pictures.minutes < watched.pictures.minutes + 12.0
+    gaps_s = np.diff(run.pictures.t_s)
+    assert gaps_s.max() < 60.0
+    assert np.diff(watched.pictures.t_s).max() > 120.0

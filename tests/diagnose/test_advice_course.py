@@ -103,8 +103,18 @@ def test_every_plan_stays_inside_what_was_measured_and_goes_forward_in_time(situ
     kinds = {name.split(":")[0] for name in names}
     assert {
         *("at-rest", "circles", "feeds", "abba", "short-reversals", "one-sided", "fine-pitch", "diagonals"),
-        *("second-lever", "moved-cameras", "scale-bar", "rest", "marker+rest", "work", "warm", "warm-cool"),
-        *("marker+warm", "scale-bar+warm", "floor+rest", "floor+warm", "changed", "ramps"),
+        *(
+            "second-lever",
+            "moved-cameras",
+            "scale-bar",
+            "rest",
+            "marker+rest",
+            "work",
+            "warm",
+            "warm-on",
+            "warm-cool-on",
+        ),
+        *("marker+warm", "scale-bar+warm", "floor+rest", "floor+warm", "floor+warm-cool-on", "changed", "ramps"),
     } <= kinds
     low, high = situation.span_mm.T
     for plan in plans:
@@ -283,6 +293,33 @@ def test_what_is_heated_gets_hot_and_the_rest_hardly(situation: Situation) -> No
     assert frame.max() - frame.min() == pytest.approx(0.1 * 20.0, rel=0.1)
     assert "heat what temp_bed measures from 20 to 50 °C (nothing else)" in plan.words
     assert "temp_frame" not in plan.words
+
+
+def test_lines_that_are_run_on_while_it_warms_and_cools_take_no_longer(situation: Situation) -> None:
+    watched = warming(situation, ["z"], ["temp_bed"])
+    run = warming(situation, ["z"], ["temp_bed"], runs_on=True)
+    back = warming(situation, ["z"], ["temp_bed"], runs_on=True, cools=True)
+    assert [plan.name for plan in (watched, run, back)] == [
+        "warm:temp_bed",
+        "warm-on:temp_bed",
+        "warm-cool-on:temp_bed",
+    ]
+    for plan in (run, back):
+        assert plan.minutes() < 1.25 * watched.minutes()
+        assert len(plan.pictures) > 4 * len(watched.pictures)
+        assert np.diff(plan.pictures.t_s).max() < 60.0
+        # Every run is a pass of its own.
+        assert np.bincount(plan.pictures.pass_number).max() <= 13
+    assert "for 40 min, running on all the while, and run the lines again 4 times warm" in run.words
+    # On a machine that takes its time a run is enough before and after.
+    slow = warming(replace(situation, dwell_s=30.0), ["z"], ["temp_bed"], runs_on=True)
+    assert "run z there and back cold, heat" in slow.words
+    assert slow.minutes() < 100.0
+    assert "for 20 min, running on all the while" in back.words
+    assert back.words.endswith("warm, then let it cool for 20 min, running on")
+    bed = back.conditions["temp_bed"]
+    assert bed.max() > 20.0 + 0.8 * 30.0
+    assert bed[-1] < 20.0 + 0.2 * 30.0
 
 
 def test_hard_use_is_use(situation: Situation) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from validation.hidden_effects import again
+from validation.hidden_effects.ambiguous import is_broken_but_for_twins
 from validation.hidden_effects.bound import inner_bounds
 from validation.hidden_effects.cases import study_seed
 from validation.hidden_effects.formulas import compared
@@ -283,3 +284,18 @@ def test_the_sample_says_what_came_out_otherwise() -> None:
     assert "| single | 2 | 1/2 = 50.0 % (1.3–98.7) | 2/2 = 100.0 % (15.8–100.0) | 1/2 = 50.0 % (1.3–98.7) |" in text
     assert "| single/backlash/4/1 | alone | backlash:x" in text
     assert "single/backlash/4/0" not in text
+
+
+def test_a_twin_is_like_what_it_says_otherwise_whatever_is_measured() -> None:
+    drift = line(["thermal-drift:work-x@temp_bed"], [])
+
+    def after(*alike: str, how: str = "alone") -> bool:
+        return is_broken_but_for_twins(drift | {"advised": {"how": how, "alike": list(alike)}})
+
+    assert after()
+    assert after("thermal-expansion:x@temp_bed")
+    # Of another axis, temperature or kind it is no twin.
+    assert not after("thermal-expansion:y@temp_bed")
+    assert not after("thermal-expansion:x@temp_frame")
+    assert not after("thermal-expansion:x@temp_bed", "thermal-drift:x@temp_bed")
+    assert not after(how="wrong")

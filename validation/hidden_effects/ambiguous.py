@@ -7,7 +7,9 @@ Each set is a measurement that lacks something (`limited.py`) of a machine with 
 has ties that hold the right name, the advised measurement is carried out on the same machine with the same effect, in
 sessions of their own, by the generator's physics; then as much of the first measurement again. A tie is broken as the
 report has it where the right name is first and alone (`right and alone`); and by the rule that candidates whose
-projected correlation exceeds 0.95 are one set where none of the former rivals is like it, either (`and unlike`).
+projected correlation exceeds 0.95 are one set where none of the former rivals is like it, either (`and unlike`). What
+the catalogue declares to be its twin by construction is like it whatever is measured: growth from a fixed point far
+off is a drift (`but for twins`).
 """
 
 from __future__ import annotations
@@ -50,6 +52,7 @@ from geoerr.diagnose.advice.measurement import Measurement
 from geoerr.diagnose.advice.separation import Advice
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.diagnosis import Diagnosis
+from geoerr.effects import catalogue
 from geoerr.fit import fit_terms
 from geoerr.observations import Observations, observations_from_columns
 
@@ -148,9 +151,21 @@ def _broken(case: Case, tables: Sequence[Observations], rivals: set[str], line: 
     answer = finite(answer_of(_diagnosed(case, tables)))
     told = {**line, **answer}
     how, ties = named(told), tied_with_first(told)
-    return {"how": how, "ties": sorted(ties), "is_broken": how in ("alone", "tied") and not ties & rivals} | {
-        "first": answer["found"][0]["name"] if answer["found"] else None
+    return {
+        "how": how,
+        "ties": sorted(ties),
+        "alike": sorted(ties & rivals),
+        "is_broken": how in ("alone", "tied") and not ties & rivals,
+        "first": answer["found"][0]["name"] if answer["found"] else None,
     }
+
+
+def is_broken_but_for_twins(line: dict[str, Any]) -> bool:
+    """Tell whether after the advised measurement only twins of the right name are like it."""
+    known = catalogue()
+    after, truth = line["advised"], known.resolve(line["truth"][0]["name"])[1]
+    are_twins = all(known.are_twins(truth, known.resolve(name)[1]) for name in after["alike"])
+    return after["how"] in ("alone", "tied") and are_twins
 
 
 def _numbered(tables: Sequence[Observations]) -> list[Observations]:
@@ -260,18 +275,25 @@ def tables(lines: Sequence[dict[str, Any]]) -> str:
         advised = [one for one in tied if "advised" in one]
         told, told_again = (sum(one[key]["how"] == "alone" for one in advised) for key in ("advised", "again"))
         broken, again = (sum(one[key]["is_broken"] for one in advised) for key in ("advised", "again"))
+        but_for_twins = sum(is_broken_but_for_twins(one) for one in advised)
         plans = Counter(one["advice"]["text"] for one in advised).most_common(2)
         minutes = f"{np.median([one['advice']['minutes'] for one in advised]):.0f}" if advised else "–"
         rows.append(
             [
                 *(cell, str(len(own)), rate(len(tied), len(asked)), rate(len(advised), len(tied))),
-                *(rate(told, len(advised)), rate(broken, len(advised))),
+                *(rate(n, len(advised)) for n in (told, broken, but_for_twins)),
                 *(rate(told_again, len(advised)), rate(again, len(advised)), minutes),
                 ", ".join(f"{text} ({n})" for text, n in plans),
             ]
         )
     head = ["lacking: hidden", "sets", "tied with the right name", "a measurement is advised"]
-    head += ["after it: right and alone", "and unlike", "after the same again: right and alone", "and unlike"]
+    head += [
+        "after it: right and alone",
+        "and unlike",
+        "but for twins",
+        "after the same again: right and alone",
+        "and unlike",
+    ]
     return table([*head, "minutes", "advice"], rows)
 
 

@@ -23,8 +23,12 @@ _HEAT_MINUTES, _COOL_MINUTES, _REST_MINUTES = 40.0, 40.0, 40.0
 # One round of pictures in so many minutes while something changes.
 _EVERY_MINUTES = 4.0
 _N_POINTS = 4
-# Lines are run so often cold and warm: they take minutes where heating takes most of an hour.
-_RUNS = (1, 4)
+# Where lines are run on while it heats, and so often before and after: that takes little. What was measured before
+# temperatures went their own ways is thousands of rows in which candidates are one, and a few places every few
+# minutes do not outweigh them. Before and after in so many minutes: on a slow machine a run is a quarter of an hour.
+_MOST_RUNS, _RUNS_MINUTES = 4, 8.0
+# Rounds are numbered from here where it cools.
+_FIRST_COOLING = 1000
 _WORK_MINUTES = 20.0
 _IDLE_DUTY, _FULL_DUTY = 0.05, 0.95
 
@@ -41,16 +45,26 @@ def menu(situation: Situation, question: Question) -> Iterator[Measurement]:
         for axis in axes:
             yield work(situation, axis)
     for heated in [*((name,) for name in names), *([names] if len(names) > 1 else [])]:
-        for n_runs in _RUNS:
-            warm = warming(situation, axes, heated, n_runs=n_runs)
-            yield warm
-            yield from _seen_otherwise(warm, situation, question)
-            if question.scales_view:
-                yield _with_bar(warm, situation)
-        yield warming(situation, axes, heated, cools=True)
+        yield from _of_heat(situation, question, heated)
     for name, (usual, high) in situation.conditions.items():
         if name in question.variables and high > usual:
             yield changed(situation, axes, name, usual, high)
+
+
+def _of_heat(situation: Situation, question: Question, heated: Sequence[str]) -> Iterator[Measurement]:
+    """Give the plans that heat what some sensors sit on."""
+    watched, run = warming(situation, question.axes, heated), warming(situation, question.axes, heated, runs_on=True)
+    there_and_back = warming(situation, question.axes, heated, runs_on=True, cools=True)
+    for warm in (watched, run):
+        yield warm
+        if question.scales_view:
+            yield _with_bar(warm, situation)
+    if question.follows_time or question.follows_use:
+        yield there_and_back
+    # Cameras and bodies move with time as well, and with use. What goes up for an hour time does, too; and what
+    # few places show weighs less than what is run all the while.
+    for warm in (watched, there_and_back):
+        yield from _seen_otherwise(warm, situation, question)
 
 
 def _seen_otherwise(plan: Measurement, situation: Situation, question: Question) -> Iterator[Measurement]:
@@ -103,19 +117,28 @@ def work(situation: Situation, axis: str) -> Measurement:
 
 
 def warming(
-    situation: Situation, axes: Sequence[str], heated: Sequence[str], *, n_runs: int = 1, cools: bool = False
+    situation: Situation, axes: Sequence[str], heated: Sequence[str], *, runs_on: bool = False, cools: bool = False
 ) -> Measurement:
-    """Heat what some sensors sit on, the others left cold; then let it cool, if asked for."""
+    """Heat what some sensors sit on, the others left cold; then let it cool, if asked for.
+
+    A few places are watched while temperatures change, or the lines are run on: then heating and cooling together
+    take the time of heating. What comes back with the temperature neither time nor the use of an axis does.
+    """
     course = Course(situation)
+    n_runs = _n_runs(situation, axes) if runs_on else 1
+    heat_minutes, cool_minutes = (
+        (0.5 * _HEAT_MINUTES, 0.5 * _COOL_MINUTES) if runs_on and cools else (_HEAT_MINUTES, _COOL_MINUTES)
+    )
+    go_on = _running if runs_on else _rounds
     for repeat in range(n_runs):
         lines(course, axes, " cold", repeat)
     heat_s = course.t_s
-    _rounds(course, axes, _HEAT_MINUTES)
+    go_on(course, axes, heat_minutes)
     for repeat in range(n_runs):
         lines(course, axes, " warm", repeat)
     cool_s = course.t_s
     if cools:
-        _rounds(course, axes, _COOL_MINUTES, first=100)
+        go_on(course, axes, cool_minutes, first=_FIRST_COOLING)
     pictures = course.pictures()
     since = np.maximum(pictures.t_s - heat_s, 0.0)
     rise = -np.expm1(-since / _HEATING_S)
@@ -136,14 +159,20 @@ def warming(
         ]
     )
     others = "" if len(heated) == len(situation.temperatures) else " (nothing else)"
-    end = f", then watch it cool for {duration(_COOL_MINUTES)}" if cools else ""
+    watching = f"watching {_places(axes)} every {_EVERY_MINUTES:.0f} min"
+    meanwhile = "running on all the while" if runs_on else watching
+    cooling = (
+        f"let it cool for {duration(cool_minutes)}, running on"
+        if runs_on
+        else f"watch it cool for {duration(cool_minutes)}"
+    )
+    end = f", then {cooling}" if cools else ""
     often = "" if n_runs == 1 else f" {n_runs} times"
     words = (
         f"In one set-up: run {listed(list(axes))} there and back{often} cold, heat {what}{others} for "
-        f"{duration(_HEAT_MINUTES)}, watching {_places(axes)} every {_EVERY_MINUTES:.0f} min, and run the lines "
-        f"again{often} warm{end}"
+        f"{duration(heat_minutes)}, {meanwhile}, and run the lines again{often} warm{end}"
     )
-    name = f"{'warm-cool' if cools else 'warm'}{'' if n_runs == 1 else n_runs}:{'+'.join(heated)}"
+    name = f"warm{'-cool' if cools else ''}{'-on' if runs_on else ''}:{'+'.join(heated)}"
     title = f"another temperature of {listed(list(heated))}" + (", rising and falling" if cools else "")
     return Measurement(name, title, words, pictures, situation.targets, conditions)
 
@@ -172,6 +201,23 @@ def _rounds(course: Course, axes: Sequence[str], minutes: float, first: int = 0)
         _round(course, axes, number)
         number += 1
         course.wait(max(60.0 * _EVERY_MINUTES - (course.t_s - begun_s), 0.0))
+
+
+def _n_runs(situation: Situation, axes: Sequence[str]) -> int:
+    """Give how often lines are run in the time that there is for it, once at least."""
+    course = Course(situation)
+    begins_s = course.t_s
+    lines(course, axes)
+    return int(np.clip(60.0 * _RUNS_MINUTES // (course.t_s - begins_s), 1, _MOST_RUNS))
+
+
+def _running(course: Course, axes: Sequence[str], minutes: float, first: int = 0) -> None:
+    """Run lines without a break while time goes by."""
+    start_s = course.t_s
+    number = first
+    while course.t_s - start_s < 60.0 * minutes:
+        lines(course, axes, " run on", number)
+        number += 1
 
 
 def _round(course: Course, axes: Sequence[str], number: int) -> None:

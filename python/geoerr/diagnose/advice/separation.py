@@ -26,8 +26,10 @@ from geoerr.terms import SESSION_NAME, Term
 # The search takes a difference of χ² of 20 as decided. It scatters by 2√λ about its expectation λ: with λ = 41 it
 # exceeds 20 in 19 of 20.
 MARGIN = 41.0
-# Candidates whose correlation is higher than this count as one, however much data there are.
-_ALIKE = 0.95
+# Candidates whose correlation is higher than this count as one, however much data there are. The noise is estimated
+# anew with what was measured, and the share of an effect that another leaves is then another by 3 to 8 %: 0.94 is
+# 0.95 with a fifth to spare.
+_ALIKE, _SURELY_UNLIKE = 0.95, 0.94
 # Of what some plan would separate the chosen one separates so much: nine cases of ten.
 _ENOUGH = 0.9
 _LITTLE_MORE = 1.3
@@ -75,6 +77,9 @@ class Advice(Separation):
         the second shows nothing of its own, the simpler first one stands.
     alternatives
         Other plans that would do.
+    still_alike
+        Pairs, a truth and another, that are expected to correlate by more than 0.95 after it, and by how much: the
+        data that there are weigh more than what any plan of two hours adds.
     """
 
     expected_delta_chi2: float | None = None
@@ -83,11 +88,16 @@ class Advice(Separation):
     measurements: tuple[tuple[Measurement, int], ...] = ()
     contained: tuple[tuple[str, str], ...] = ()
     alternatives: tuple[Alternative, ...] = ()
+    still_alike: tuple[tuple[str, str, float], ...] = ()
 
     @property
     def is_enough(self) -> bool:
         """Whether it separates nearly all cases that can be told apart."""
         return self.separated_share is not None and self.separated_share >= _ENOUGH
+
+
+# Two plans one after another, each with how often.
+_Pair = tuple[tuple[int, int], tuple[int, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +106,14 @@ class _Option:
 
     Attributes
     ----------
-    left, is_unlike : (n_families, n_truths)
-        What every other candidate leaves of every truth; whether the two are unlike enough not to count as one.
+    left, share : (n_families, n_truths)
+        What every other candidate leaves of every truth, and as a share of all of it: 1 − their squared correlation.
     """
 
     plans: tuple[tuple[int, int], ...]
     minutes: float
     left: Numbers
-    is_unlike: np.ndarray
+    share: Numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,17 +124,17 @@ class _Goal:
     ----------
     margin
         Of the expected Δχ².
-    reachable, may_be_unlike : (n_families, n_truths)
-        Cases in which some plan reaches the margin; in which some also makes the two unlike.
+    reachable, share : (n_families, n_truths)
+        Cases in which some plan reaches the margin; the share that is to be left there, 0 where any will do.
     """
 
     margin: float
     reachable: np.ndarray
-    may_be_unlike: np.ndarray
+    share: Numbers
 
     def is_met(self, option: _Option) -> np.ndarray:
         """Tell in which cases an option does what can be done, (n_families, n_truths)."""
-        return np.asarray((option.left >= self.margin) & (option.is_unlike | ~self.may_be_unlike) | ~self.reachable)
+        return np.asarray((option.left >= self.margin) & (option.share >= self.share) | ~self.reachable)
 
 
 class Adviser:
@@ -200,6 +210,14 @@ class Adviser:
         """
         return self._middle(self._left(plans)[0])
 
+    def correlations(self, plans: Sequence[tuple[Measurement, int]] = ()) -> Numbers:
+        """Give how alike every pair is with some plans carried out, (n, n): row the truth, column the other.
+
+        A cosine, off the model and in the noise of the space, in the middle over what the truth may be by the data.
+        """
+        left, whole = self._left(plans)
+        return np.sqrt(np.clip(1.0 - self._middle(_share_of(left, whole)), 0.0, 1.0))
+
     def same_again(self) -> Numbers:
         """Give the same with as much of the same data again."""
         return self._middle(self._left_by_same()[0])
@@ -215,7 +233,9 @@ class Adviser:
 
         Every candidate may be true, at every value that explains the data as well as its best. Of those cases that
         some plan separates, the chosen one separates nine of ten: the expected Δχ² against every other candidate
-        reaches the margin, and where some plan can do that the two are no longer alike (correlation below 0.95).
+        reaches the margin, and where some plan can do that the two are no longer alike (correlation below 0.95, and
+        below 0.94 where that can be, to be sure of it). Where no plan does so in all cases, the one that does so in
+        most.
         """
         among = range(len(self.names)) if among is None else among
         options = [
@@ -229,17 +249,18 @@ class Adviser:
         contained = self._contained(asked, reachable)
         if not reachable.any():
             return self._none(among, options, asked, contained)
-        unlike = np.any([(one.left >= margin) & one.is_unlike for one in options], axis=0)
-        plain = _Goal(margin, reachable, np.zeros_like(reachable))
-        found = self._enough(options, _Goal(margin, reachable, unlike), most_minutes)
-        found = found or self._enough(options, plain, most_minutes)
+        plain = _Goal(margin, reachable, np.zeros(reachable.shape))
+        unlike = [self._unlike(options, plain, most_minutes, surely=surely) for surely in (True, False)]
+        found = self._enough(options, unlike[0], most_minutes) or self._enough(options, unlike[1], most_minutes)
+        found = found or self._most_unlike(options, plain, unlike[1], most_minutes)
         found = found or [max(options, key=lambda one: (self._share(one, plain), -one.minutes))]
         # A little more time is worth being surer.
         near = [one for one in found if one.minutes <= _LITTLE_MORE * found[0].minutes]
         best = max(near, key=lambda one: self._nearest(one.left, reachable))
+        still_alike = self._still_alike(best, reachable)
         return Advice(
             listed([self.plans[place].title for place, _ in best.plans], "and then"),
-            self._sentences(best),
+            self._sentences(best) + _alike_words(still_alike),
             best.minutes,
             self._nearest(best.left, reachable),
             self._share(best, plain),
@@ -247,6 +268,7 @@ class Adviser:
             tuple((self.plans[place], times) for place, times in best.plans),
             contained,
             self._others(best, found, reachable),
+            still_alike,
         )
 
     def _left_by_same(self) -> tuple[Numbers, Numbers]:
@@ -296,17 +318,28 @@ class Adviser:
         shortest = min((one.minutes for one in found), default=most_minutes)
         return sorted(found + self._paired(options, goal, shortest), key=lambda one: one.minutes)
 
+    def _unlike(self, options: Sequence[_Option], plain: _Goal, most_minutes: float, *, surely: bool) -> _Goal:
+        """Give the goal that two are no longer alike either where some plan, or one after another, makes them so."""
+        pairs = [self._option(both[-1]) for both in self._pairs(options, plain, most_minutes)]
+        most = np.max([np.where(one.left >= plain.margin, one.share, 0.0) for one in (*options, *pairs)], axis=0)
+        share = np.zeros(most.shape)
+        for correlation in (_ALIKE, _SURELY_UNLIKE) if surely else (_ALIKE,):
+            share = np.where(most >= 1.0 - correlation**2, 1.0 - correlation**2, share)
+        return replace(plain, share=share)
+
+    def _most_unlike(
+        self, options: Sequence[_Option], plain: _Goal, unlike: _Goal, most_minutes: float
+    ) -> list[_Option]:
+        """Give the plan, or two, that separate enough and leave the fewest cases alike, if any do."""
+        pairs = [self._option(both) for some in self._pairs(options, unlike, most_minutes) for both in some]
+        enough = [one for one in (*options, *pairs) if self._share(one, plain) >= _ENOUGH]
+        return sorted(enough, key=lambda one: (-float(unlike.is_met(one).mean()), one.minutes))[:1]
+
     def _paired(self, options: Sequence[_Option], goal: _Goal, most_minutes: float) -> list[_Option]:
-        """Try one plan after another, among those that separate most; of each pair the shortest that is enough."""
-        best: dict[int, _Option] = {}
-        for one in sorted(options, key=lambda option: -self._share(option, goal)):
-            best.setdefault(one.plans[0][0], one)
-        most = {place: max(one.plans[0][1] for one in options if one.plans[0][0] == place) for place in best}
+        """Try one plan after another; of each pair the shortest that is enough."""
         found: list[_Option] = []
-        for first, second in itertools.combinations(list(best)[:_PAIRED], 2):
-            often = itertools.product(*[[n for n in _TIMES if n <= most[place]] for place in (first, second)])
-            plans = sorted((((first, one), (second, other)) for one, other in often), key=self._minutes)
-            plans = [both for both in plans if self._minutes(both) < most_minutes]
+        for some in self._pairs(options, goal, most_minutes):
+            plans = [both for both in some if self._minutes(both) < most_minutes]
             if not plans or self._share(self._option(plans[-1]), goal) < _ENOUGH:
                 continue
             enough = (one for both in plans if self._share(one := self._option(both), goal) >= _ENOUGH)
@@ -314,12 +347,29 @@ class Adviser:
             most_minutes = min(most_minutes, found[-1].minutes)
         return found
 
+    def _pairs(self, options: Sequence[_Option], goal: _Goal, most_minutes: float) -> Iterator[list[_Pair]]:
+        """Give two plans among those that separate most, one after another, each as often as may be, shortest first.
+
+        What separates nothing by itself is no part of them: it would be there for its number of pictures alone.
+        """
+        able = [one for one in options if (goal.reachable & (one.left >= goal.margin)).any()]
+        best: dict[int, _Option] = {}
+        for one in sorted(able, key=lambda option: (-self._share(option, goal), -float(goal.is_met(option).mean()))):
+            best.setdefault(one.plans[0][0], one)
+        most = {place: max(one.plans[0][1] for one in options if one.plans[0][0] == place) for place in best}
+        for first, second in itertools.combinations(list(best)[:_PAIRED], 2):
+            often = itertools.product(*[[n for n in _TIMES if n <= most[place]] for place in (first, second)])
+            plans = sorted((((first, one), (second, other)) for one, other in often), key=self._minutes)
+            plans = [both for both in plans if self._minutes(both) < most_minutes]
+            if plans:
+                yield plans
+
     def _minutes(self, plans: tuple[tuple[int, int], ...]) -> float:
         return sum(self.plans[place].minutes(times) for place, times in plans)
 
     def _option(self, plans: tuple[tuple[int, int], ...]) -> _Option:
         left, whole = self._left([(self.plans[place], times) for place, times in plans])
-        return _Option(plans, self._minutes(plans), left, left >= (1.0 - _ALIKE**2) * whole)
+        return _Option(plans, self._minutes(plans), left, _share_of(left, whole))
 
     def _middle(self, left: Numbers) -> Numbers:
         """Give the middle over each candidate's truths of what each other one leaves, (n, n)."""
@@ -350,6 +400,16 @@ class Adviser:
                 if asked[other, own].any() and not reachable[other, own].any():
                     found.append((self.names[truth], self.names[other]))
         return tuple(found)
+
+    def _still_alike(self, option: _Option, reachable: np.ndarray) -> tuple[tuple[str, str, float], ...]:
+        """Give the pairs that it tells apart and leaves alike all the same, with their correlations."""
+        correlation = np.sqrt(np.clip(1.0 - self._middle(option.share), 0.0, 1.0))
+        pairs = itertools.permutations(range(len(self.names)), 2)
+        return tuple(
+            (self.names[truth], self.names[other], float(correlation[truth, other]))
+            for truth, other in pairs
+            if correlation[truth, other] > _ALIKE and reachable[other, self._truths.family == truth].any()
+        )
 
     def _sentences(self, option: _Option) -> str:
         sentences = [self.plans[place].text(times) for place, times in option.plans]
@@ -394,6 +454,23 @@ class Adviser:
         reached = max((self._nearest(one.left, asked) for one in options), default=0.0)
         text = f"no measurement known here would tell {names} apart at their present size"
         return Advice(text, None, None, reached, 0.0, None, (), contained, ())
+
+
+def _alike_words(still_alike: Sequence[tuple[str, str, float]]) -> str:
+    """Say what stays alike, each pair once: the data that there are outweigh two hours of others."""
+    most: dict[frozenset[str], float] = {}
+    for truth, other, correlation in still_alike:
+        pair = frozenset((truth, other))
+        most[pair] = max(correlation, most.get(pair, 0.0))
+    if not most:
+        return ""
+    pairs = [f"{' and '.join(sorted(pair))} ({correlation:.3f})" for pair, correlation in most.items()]
+    return f". It tells them apart; their correlation stays above {_ALIKE} all the same: {'; '.join(pairs)}"
+
+
+def _share_of(left: Numbers, whole: Numbers) -> Numbers:
+    """Give what others leave (n_families, n_truths) as a share of all of each truth (n_truths,)."""
+    return left / np.maximum(whole, np.finfo(np.float64).tiny)
 
 
 def _forms(candidate: Term | Sequence[Term]) -> tuple[Term, ...]:
