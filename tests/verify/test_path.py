@@ -206,10 +206,14 @@ def test_a_home_that_only_the_correction_was_told_is_named(tmp_path):
     """Without it no place behind G28 is known, and the moves of the corrected program are none of the other."""
     machine, home = wavy(), (10.0, 10.0, 10.0)
     program, output = written(tmp_path, "G28\nG1 X300 F1200\nG1 Y300\n"), tmp_path / "out.gcode"
-    compensate_program(machine, program, output, CompensationOptions(home_mm=home))
+    zero = (0.0, 0.0, 0.0)
+    compensate_program(machine, program, output, CompensationOptions(home_mm=home, work_offset_mm=zero))
     with pytest.raises(GcodeError, match=r"hint: .*, and --home where it was given one"):
-        compare_paths(machine, program, output)
-    assert compare_paths(machine, program, output, home_mm=home).moves_compared == 1
+        compare_paths(machine, program, output, work_offset_mm=zero)
+    assert compare_paths(machine, program, output, home_mm=home, work_offset_mm=zero).moves_compared == 1
+    # Where the program's zero is not told, a place on the machine says nothing of its words.
+    with pytest.raises(GcodeError, match=r"hint: .*, and --work-offset where it was given one"):
+        compare_paths(machine, program, output, home_mm=home)
     other = written(tmp_path, "G1 X20 Y20 Z5\nM84\n", "other.gcode")
     with pytest.raises(GcodeError) as refused:
         compare_paths(machine, other, output)
@@ -333,7 +337,12 @@ def test_what_was_not_compared_is_not_proved(tmp_path):
     # Who has said where homing leaves the machine is not asked for it again.
     homed = written(tmp_path, "G28\nG1 X50 Y50 Z10\n", "homed.gcode")
     failed = run("verify", "path", errors, homed, homed, "--home", "0,0,0", "--tolerance", "0.001")
+    assert "say where the program's zero is: --work-offset" in str(failed.exception)
     assert "--home" not in str(failed.exception)
+    told = ("--home", "0,0,0", "--firmware", "marlin")
+    failed = run("verify", "path", errors, homed, homed, *told, "--tolerance", "0.001")
+    assert "--home" not in str(failed.exception)
+    assert "--work-offset" not in str(failed.exception)
     assert "of the first move behind G28 only the end is corrected" in str(failed.exception)
     assert "of the first move behind G28 only the end is corrected" in failed.stdout
     assert run("verify", "path", errors, program, program).exit_code == 0

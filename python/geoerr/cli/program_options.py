@@ -63,7 +63,11 @@ OnUnsupported = Annotated[
 ]
 Home = Annotated[
     str | None,
-    typer.Option("--home", metavar="X,Y,Z", help="Where G28 leaves the machine, machine coordinates, mm."),
+    typer.Option(
+        "--home",
+        metavar="X,Y,Z",
+        help="Where G28 leaves the machine, machine coordinates, mm; of a mill beside --work-offset.",
+    ),
 ]
 Firmware = Annotated[
     FirmwareName | None,

@@ -57,6 +57,8 @@ _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 9
 _SHIFTS = frozenset((52.0, 92.1, 92.2, 92.3))
 # Spindle and coolant off.
 _OFF = (5.0, 9.0)
+# Of a bed, and of a nozzle that is waited for.
+_HEATERS = frozenset(((109.0,), (140.0,), (190.0,)))
 # G codes whose words are times or settings.
 _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # A move that a probe ends, and macros: where they go is not in the program.
@@ -295,7 +297,8 @@ class ProgramReader:
         # Whether the line's word selects a coordinate system that is not followed.
         self._is_elsewhere = False
         # Where a mill's zero is nobody knows by itself; printers count from the machine's.
-        self._zero_is_told = [firmware is not None or work_offset_mm is not None] * 3
+        self._axes_told = [work_offset_mm is not None] * 3
+        self._is_printers = firmware is not None
         self._zero: Place = work_offset_mm or (0.0, 0.0, 0.0)
         self._systems: dict[int, Place] = {1: self._zero}
         self._n_tape_marks = 0
@@ -360,6 +363,8 @@ class ProgramReader:
                 self._m_code(statement.m_codes[0])
                 if statement.m_codes[0] == 220.0:
                     self._override_feed(statement.words or {})
+                # Machine tools have no words of temperatures there.
+                self._is_printers |= _heats(statement)
             case Kind.WORDS:
                 return self._words(statement)
         return None
@@ -397,7 +402,7 @@ class ProgramReader:
         digit, x, y, z, e, feed = plain.groups()
         self._modes.is_rapid = digit == b"0"
         self._take_feed(_number(feed))
-        extrusion = self._extruder.move(_number(e))
+        extrusion = self._extrude(_number(e))
         if x is None and y is None and z is None:
             return None
         return self._arrive(self._end(_number(x), _number(y), _number(z), self._origin()), extrusion)
@@ -426,8 +431,7 @@ class ProgramReader:
         """Take over what words beside a code, or alone, mean to controls that few programs are for."""
         modes = self._modes
         if self._is_elsewhere:
-            modes.system = _FURTHER_SYSTEM
-            self._find_zero()
+            self._select_system(_FURTHER_SYSTEM)
         number = words.get(b"D")
         is_alone = not statement.codes and words.keys() <= frozenset((b"D", b"F", b"S", b"T"))
         if number is not None and is_alone and self._firmware is None and modes.tool_length is None:
@@ -454,8 +458,16 @@ class ProgramReader:
         if not is_clear or self._modes.motion is None:
             self._forget()
         elif _has_numbers(words):
-            self._extruder.move(words.get(b"E"))
+            self._extrude(words.get(b"E"))
         return None
+
+    def _extrude(self, word: float | None) -> tuple[int, bool]:
+        self._is_printers |= word is not None
+        return self._extruder.move(word)
+
+    def _zero_is_told(self) -> bool:
+        """Tell whether it is known where the program's zero is on the machine, or known that nobody knows."""
+        return self._modes.system != 1 or self._is_printers or all(self._axes_told)
 
     def _motion(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
         modes = self._modes
@@ -477,9 +489,10 @@ class ProgramReader:
             self._forget()
             self._pass_over()
             return None
-        extrusion = self._extruder.move(words.get(b"E"))
+        zero_was_told = self._zero_is_told()
+        extrusion = self._extrude(words.get(b"E"))
         x, y, z = (words.get(letter) for letter in _LETTERS)
-        if in_machine and modes.system == 1 and not all(self._zero_is_told):
+        if in_machine and not zero_was_told:
             # Words that count from another zero tell nothing of these axes.
             self.lacks_zero = True
             if not modes.is_rapid:
@@ -584,6 +597,15 @@ class ProgramReader:
             here_z if z is None else None if from_z is None else from_z + z * unit_mm,
         )
 
+    def _select_system(self, system: int) -> None:
+        was_told = self._zero_is_told()
+        self._modes.system = system
+        self._find_zero()
+        if self._zero_is_told() != was_told:
+            # What is known from a zero that is only thought says nothing in a system that has its place.
+            self.lacks_zero |= any(here is not None for here in self._place)
+            self._forget()
+
     def _find_zero(self) -> None:
         """Find the machine coordinates of the program's zero again, after the system or the shift has changed."""
         system = self._systems.get(self._modes.system, _UNKNOWN)
@@ -605,8 +627,7 @@ class ProgramReader:
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)
         elif _selects_system(code):
-            modes.system = _system_of(code)
-            self._find_zero()
+            self._select_system(_system_of(code))
         elif code in (93.0, 94.0, 95.0):
             modes.is_inverse_time = code == 93.0
             if code != 93.0:
@@ -701,6 +722,7 @@ class ProgramReader:
             return
         extruder = words.get(b"E")
         if extruder is not None:
+            self._is_printers = True
             self._extruder.set_position(extruder)
         system = self._systems.get(self._modes.system, _UNKNOWN)
         shift = list(self._shift)
@@ -731,18 +753,30 @@ class ProgramReader:
                 word = words.get(letter)
                 if word is not None:
                     place[axis] = word * self._modes.unit_mm
-                    self._zero_is_told[axis] |= number == 1
             if number < 7:
                 self._systems[number] = (place[0], place[1], place[2])
+            if number == 1:
+                self._tell_zero([letter in words for letter in _LETTERS])
         elif kind in (2.0, 20.0) or (has_axes and kind not in (1.0, 10.0, 11.0)):
             self._lose_zero()
+
+    def _tell_zero(self, axes: list[bool]) -> None:
+        """Take over where G54 is: what was counted from where it was thought to be is forgotten."""
+        was_told, before = self._zero_is_told(), self._axes_told
+        self._axes_told = [old or new for old, new in zip(before, axes, strict=True)]
+        if not was_told and self._axes_told != before:
+            self.lacks_zero |= any(here is not None for here in self._place)
+            self._forget()
 
     def _home(self, named: list[bool], *, is_sure: bool) -> None:
         place, shift = list(self._place), list(self._shift)
         self.lacks_home |= self._home_mm is None
+        home_mm = self._home_mm if is_sure and self._zero_is_told() else None
+        # Where the machine is tells nothing of words that count from another zero.
+        self.lacks_zero |= self._home_mm is not None and not self._zero_is_told()
         for axis in range(3):
             if named[axis] or not any(named):
-                place[axis] = self._home_mm[axis] if is_sure and self._home_mm is not None else None
+                place[axis] = None if home_mm is None else home_mm[axis]
                 if self._firmware is not None:
                     shift[axis] = 0.0
                     self._shifted[axis] = False
@@ -817,6 +851,14 @@ def _selects_system(code: float) -> bool:
 def _system_of(code: float) -> int:
     """Give the number of a coordinate system: 1 is G54; 7 stands for G59.1 to G59.3, which are not followed."""
     return int(code) - 53 if code == int(code) else _FURTHER_SYSTEM
+
+
+def _heats(statement: Statement) -> bool:
+    """Tell whether a line heats a bed, or waits for a nozzle, as printers do."""
+    words = statement.words or {}
+    has_temperature = any(words.get(letter) is not None for letter in (b"S", b"R"))
+    others = words.keys() - frozenset((b"H", b"P", b"R", b"S", b"T"))
+    return statement.m_codes in _HEATERS and has_temperature and not others
 
 
 def _selects_by_word(statement: Statement) -> bool:

@@ -94,6 +94,9 @@ struct Modes {
     system: usize,
     /// Axes of which it is told where the zero of `G54` is; of the others it is taken for the machine's.
     zero_is_told: Mask,
+    /// Whether the program is plainly a printer's, whose zero is the machine's: it heats a bed or waits for a nozzle, or
+    /// has an extruder.
+    is_printers: bool,
 }
 
 /// `M220` of printers: what all feeds are multiplied by; None where the program does not tell it.
@@ -196,8 +199,8 @@ impl Reader {
                 shifted: [false; 3],
                 systems_mm,
                 system: 0,
-                // Printers count from the machine's zero, if nothing else is said.
-                zero_is_told: [options.firmware.is_some() || options.work_offset_mm.is_some(); 3],
+                zero_is_told: [options.work_offset_mm.is_some(); 3],
+                is_printers: options.firmware.is_some(),
             },
             inside_mm: std::array::from_fn(|axis| {
                 let ((low_mm, high_mm), (from_mm, to_mm)) =
@@ -439,7 +442,7 @@ impl Reader {
             if first.code10() == Some(2200) {
                 self.override_feed(line);
             }
-            return self.owned_by_m(first.code10(), words, body);
+            return self.owned_by_m(first.code10(), line, words, body);
         }
         if line.has_parameter {
             return Err(Unsupported::Expression);
@@ -535,6 +538,7 @@ impl Reader {
         match after {
             After::AtItsEnd => {
                 let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
+                let is_lost_in_machine = self.asked.in_machine_coordinates && !self.zero_is_told();
                 if let (Ok(_), Some(number)) = (words_mm, words.extruder.and_then(|word| word.number())) {
                     self.extrude(number, body);
                 }
@@ -542,7 +546,7 @@ impl Reader {
                     Ok(words_mm) if words.has_axes() => {
                         self.summary.moves_in += 1;
                         self.summary.moves_out += 1;
-                        if self.asked.in_machine_coordinates && !self.zero_is_told() {
+                        if is_lost_in_machine {
                             effects.forget = either(effects.forget, words_mm.mask());
                         } else {
                             effects.place = Place::Move(self.motion_of(words_mm));

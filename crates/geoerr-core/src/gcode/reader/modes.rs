@@ -99,12 +99,12 @@ impl Reader {
             }
             Code::MachineCoordinates => asked.in_machine_coordinates = true,
             Code::System(system) => {
-                modes.system = system;
                 if modes.systems_mm[system].whole().is_none() {
                     asked.refuse(Unsupported::UnknownSystem { code10 });
                 }
+                self.select_system(system, body);
             }
-            Code::FurtherSystem => self.further_system(code10),
+            Code::FurtherSystem => self.further_system(code10, body),
             Code::CompensationOff => {
                 modes.compensation = None;
                 asked.takes_parameters = true;
@@ -183,11 +183,11 @@ impl Reader {
         let is_unclaimed = self.asked.owner.is_none();
         // Fanuc's and GSK's G54.1 with another number; of G64 P is a tolerance.
         if words.p.is_some() && is_unclaimed && has(540) && !has(640) {
-            self.further_system(541);
+            self.further_system(541, body);
         }
         // Okuma's work zeros.
         if words.h.is_some() && is_unclaimed && has(150) && self.asked.length_code.is_none() {
-            self.further_system(150);
+            self.further_system(150, body);
         }
         let edge = line.words.iter().rev().find(|word| word.letter == b'D').and_then(|word| word.number());
         if let Some(edge) = edge
@@ -199,9 +199,27 @@ impl Reader {
     }
 
     /// A coordinate system of which no program says where it is.
-    fn further_system(&mut self, code10: u32) {
-        self.modes.system = 6;
+    fn further_system(&mut self, code10: u32, body: &[u8]) {
         self.asked.refuse(Unsupported::UnknownSystem { code10 });
+        self.select_system(6, body);
+    }
+
+    /// Counts from another zero. Places that were counted from one that is told say nothing in one that is only thought,
+    /// nor the other way round.
+    fn select_system(&mut self, system: usize, body: &[u8]) {
+        let was_told = self.zero_is_told();
+        self.modes.system = system;
+        if self.zero_is_told() != was_told {
+            self.asked.forget = ALL;
+            self.warn_of_zero(body);
+        }
+    }
+
+    /// Says that places are forgotten, where there are any.
+    pub(super) fn warn_of_zero(&mut self, body: &[u8]) {
+        if !self.frame.position_mm.is_none() {
+            self.warn(WarningKind::ZeroNotTold, body);
+        }
     }
 
     /// `D2` of Siemens' controls, which takes the length of the tool's second edge; where the program has `G43`, D is a
