@@ -80,7 +80,7 @@ impl WarningKind {
             Self::Passed(what) => format!("{what}: passed through untouched"),
             Self::FirmwareCorrects => "the program switches on a correction of the firmware itself: name what it corrects with --firmware-corrects, or it is corrected twice".to_owned(),
             Self::ToolLength => "a tool length, which the program does not tell: it has to be part of --work-offset".to_owned(),
-            Self::ZeroMoves => "moves the program's zero by the firmware's own offset: a shift that matters has to be part of --work-offset".to_owned(),
+            Self::ZeroMoves => "moves the program's zero by the firmware's own offset: a shift that matters has to be part of --work-offset, and moves after it pass through untouched until its axes are given again".to_owned(),
             Self::MayMove => "may move the machine: moves after it pass through untouched until X, Y and Z are all given again".to_owned(),
             Self::Placeholder => "a placeholder that the slicer did not fill in: passed through untouched".to_owned(),
             Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),

@@ -89,6 +89,19 @@ fn a_place_in_one_coordinate_system_tells_nothing_in_one_whose_zero_is_not_told(
 }
 
 #[test]
+fn an_axis_that_rests_is_not_moved_by_an_offset_of_the_firmware() {
+    let behind = |line: &str| {
+        rewritten(scaled(), options(), &format!("G1 X100.1 Y0 Z0\n{line}\nG1 Y99.8\n"))[2].clone()
+    };
+    for line in ["M206 X5", "M428", "SET_GCODE_OFFSET X=5", "set_gcode_offset x_adjust=5 MOVE=0"] {
+        assert_eq!(behind(line), "G1 Y99.8", "{line}");
+    }
+    for line in ["M206", "M290 X.1", "SET_GCODE_OFFSET X=5 MOVE=1", "SET_GCODE_OFFSET E=5"] {
+        assert_eq!(behind(line), "G1 Y100.0000", "{line}");
+    }
+}
+
+#[test]
 fn what_a_line_forgets_it_forgets_before_g92() {
     for line in ["M6 G92 X0", "G92 X0 M6"] {
         let program = format!("G1 X100.1 Y0 Z0\n{line}\nG1 X100.1 Y0 Z0\n");

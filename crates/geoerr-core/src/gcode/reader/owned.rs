@@ -33,7 +33,9 @@ impl Reader {
             Some(82) => self.extrusion.set_extruder_relative(false),
             Some(83) => self.extrusion.set_extruder_relative(true),
             // A bed is heated, or a nozzle waited for: machine tools have no words of temperatures behind these.
-            Some(109 | 140 | 190) => self.modes.is_printers |= has_temperature(line),
+            Some(109 | 140 | 190) if has_temperature(line) => self.modes.is_printers = true,
+            // Heidenhain's controls draw the tool back from the contour: `M140 MB50`.
+            Some(140) if line.words.iter().any(|word| word.letter == b'B') => effects = self.may_move(body),
             Some(97 | 98 | 99 | 198 | 808) => return Err(Unsupported::FlowControl),
             Some(code @ (70 | 72 | 120 | 121)) => self.saved_by_m(code)?,
             // A branch of a printer: whether its lines run is decided there.
@@ -41,12 +43,22 @@ impl Reader {
                 self.branched_by_m(code)?;
                 effects = self.may_move(body);
             }
-            Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
+            Some(code @ (206 | 290 | 428)) => {
+                self.warn(WarningKind::ZeroMoves, body);
+                effects.forget = match code {
+                    206 => words.axes.map(|word| word.is_some()),
+                    428 => ALL,
+                    // It moves the axes at once: words mean where they are.
+                    _ => effects.forget,
+                };
+            }
+            // Where another nozzle is beside the first.
+            Some(218) if words.has_axes() => self.warn(WarningKind::ZeroMoves, body),
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
             // Steps a millimetre, and scales: what an axis is too long or too short by.
             Some(92 | 579) if words.has_axes() => self.firmware_corrects(body),
-            // Marlin's repeatability test of the probe, other controls' overrides.
-            Some(48) => effects = self.may_move(body),
+            // Marlin's repeatability test of the probe, other controls' overrides; its parking.
+            Some(48 | 125) => effects = self.may_move(body),
             _ => {}
         }
         Ok(Step::pass(effects))
@@ -79,7 +91,9 @@ impl Reader {
         }
         let is_unreadable = line.unreadable.map(|at| Unsupported::Unreadable { column: at + 1 });
         match code {
-            Code::Home => is_unreadable.map_or(Ok(()), Err).and_then(|()| self.home(words, &mut effects, body))?,
+            Code::Home => {
+                is_unreadable.map_or(Ok(()), Err).and_then(|()| self.home(words, &mut effects, body))?
+            }
             // A zero whose numbers cannot be read is lost.
             _ if is_unreadable.is_some() => return Err(Unsupported::ZeroShift { code10 }),
             Code::Settings => self.settings(words, &mut effects, body)?,
@@ -92,7 +106,10 @@ impl Reader {
     fn leaves_zero(&self, code10: u32, line: &Line, words: &Words) -> bool {
         let is_zero = |word: &Word| word.number().is_some_and(|number| number.to_f64() == 0.0);
         let ends_it = match code10 {
-            520 => words.has_axes() && words.axes.iter().flatten().all(is_zero),
+            // With a motion code NUM's controls move by it, in machine coordinates.
+            520 => {
+                !self.asked.has_motion_code && words.has_axes() && words.axes.iter().flatten().all(is_zero)
+            }
             921 | 922 => !words.has_axes(),
             _ => false,
         };
@@ -190,6 +207,15 @@ impl Reader {
     }
 }
 
+/// Axes of which `SET_GCODE_OFFSET X=5` moves the zero without moving them: a word that was added behind it would.
+pub(super) fn offset_later(body: &[u8]) -> Mask {
+    let upper = body.to_ascii_uppercase();
+    let has = |begin: &[u8]| upper.split(u8::is_ascii_whitespace).any(|word| word.starts_with(begin));
+    let is_moved = has(b"MOVE=") && !has(b"MOVE=0");
+    let is_named = |letter: u8| has(&[letter, b'=']) || has(&[&[letter], &b"_ADJUST="[..]].concat());
+    [b'X', b'Y', b'Z'].map(|letter| !is_moved && is_named(letter))
+}
+
 /// Whether a line has the words of a heater, and no others.
 fn has_temperature(line: &Line) -> bool {
     let is_told = |word: &Word| matches!(word.letter, b'S' | b'R') && word.number().is_some();
@@ -198,8 +224,8 @@ fn has_temperature(line: &Line) -> bool {
         && others.clone().all(|word| matches!(word.letter, b'H' | b'P' | b'R' | b'S' | b'T'))
 }
 
-/// Whether an M code may stand before a move of a machine tool: those of printers that take axis words have other numbers,
-/// but for these.
+/// Whether an M code may stand before a move of a machine tool, whose makers number their own up to 199: those of printers
+/// that take axis words have other numbers, but for these.
 fn may_be_of_a_machine_tool(code: u32) -> bool {
-    code < 100 && !matches!(code, 17 | 18 | 25 | 48 | 84 | 92)
+    code < 200 && !matches!(code, 17 | 18 | 25 | 48 | 84 | 92 | 122 | 125)
 }
