@@ -468,7 +468,7 @@ class GcodeRewriter:
     def extremes(self) -> tuple[list[float], list[float]]: ...
     def warnings(self) -> list[tuple[str, int, str, int, str]]: ...
 
-def unclear_extrusion() -> tuple[str, str]:
+def unclear_extrusion(*, is_lost: bool) -> tuple[str, str]:
     """Give what is said of a split move of which firmwares differ on what it extrudes, and the remedy."""
 
 _Shape = Basis | Expression

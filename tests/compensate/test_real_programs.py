@@ -79,13 +79,13 @@ def attempt(
 def test_other_programs_are_refused_or_passed_by_line(real_data, tmp_path, folder, fewest):
     model = mill()
     target = tmp_path / "out.gcode"
-    home = (0.0, 0.0, 0.0)
+    home = zero = (0.0, 0.0, 0.0)
     compared = 0
     for source in sorted(path for path in Path(real_data / "gcode" / folder).iterdir() if path.is_file()):
         n_lines = len(re.findall(rb"\r\n|\n|\r", source.read_bytes())) + 1
         written = None
         for mode in ("refuse", "pass"):
-            options = CompensationOptions(on_unsupported=mode, home_mm=home)
+            options = CompensationOptions(on_unsupported=mode, home_mm=home, work_offset_mm=zero)
             result = attempt(model, source, target, options)
             if isinstance(result, GcodeError):
                 assert 1 <= result.line <= n_lines
@@ -99,7 +99,7 @@ def test_other_programs_are_refused_or_passed_by_line(real_data, tmp_path, folde
             if mode == "refuse":
                 assert result.untouched_unsupported == 0
                 written = target.read_bytes()
-            path = compare_paths(model, source, target, home_mm=home)
+            path = compare_paths(model, source, target, home_mm=home, work_offset_mm=zero)
             assert path.max_error_um_after < TOLERANCE_UM
             assert path.moves_with_other_extrusion == 0
             assert path.max_feed_change_percent == 0.0

@@ -384,6 +384,12 @@ def test_a_condition_that_is_stated_twice_is_wrong_usage():
         conditions(["hum=50", "hum=60"])
 
 
+@pytest.mark.parametrize("told", ["temp_bed=refrence", "temp_bed=", "temp_bed", "=20", "temp_bed=nan"])
+def test_what_a_condition_may_be_is_said_where_it_is_none(told):
+    with pytest.raises(typer.BadParameter, match="is not NAME=VALUE, VALUE a number or reference"):
+        conditions([told])
+
+
 def with_record(model: Model, std: float) -> Model:
     n = sum(len(t.coefficients) + len(t.inner) for t in model.terms)
     record = FitRecord(std**2 * np.eye(n), np.zeros((n, 0)), covariate_spans={"temp_bed": (20.0, 80.0)})

@@ -18,8 +18,9 @@ from geoerr.verify.path import compare_paths
 MILL = mill()
 NOMINAL = nominal()
 PASS = CompensationOptions(on_unsupported="pass")
-# A program's zero that is told, and one that is not: G53 tells of it then, or does not.
-offsets = st.sampled_from([(0.0, 0.0, 0.0), (0.0, 0.0, 2.5)])
+HOME: Triple = (0.0, 0.0, 10.0)
+# A program's zero that is told, and one that is not: G53 and G28 tell of it then, or do not.
+offsets = st.sampled_from([None, (0.0, 0.0, 0.0), (0.0, 0.0, 2.5)])
 
 numbers = st.floats(-300.0, 300.0).map(lambda value: f"{value:.3f}")
 odd_numbers = st.sampled_from(["", "5", "[1+2]", "{depth}", "#1", "-.", ".5", "1E2"])
@@ -53,6 +54,12 @@ line |= st.sampled_from(
     ]
 )
 line |= st.sampled_from(["G52 X0 Y0", "G0 G17 G80", "G53 G0 Z300", "G4 P1 X5", "G92.1", "G92 X5"])
+line |= st.sampled_from(["G28", "M190 S60", "G92 E0", "G10 L2 P1 X5 Y5 Z5", "G10 L2 P2 X0 Y0 Z0", "G55", "G54"])
+line |= st.sampled_from(["T1 D1", "T2 D1", "T2", "T1 M6", "T2 M6", "G17 D1", 'T="A" D1', "T1 G17 S9", "T2 G17 S9"])
+line |= st.sampled_from(["G43", "H1", "H2", "H0", "G49 H0", "G1 X=50", "X=50 Y=-7.5", "G1 X=IC(5) F50", "X=R1*(2)"])
+line |= st.sampled_from(
+    ["G1 FZ=0.1", "X1=5", "G115", "G113", "$P_UIFR[1]=5", "$A_OUT[1]=1", "CIP X5", "M101 X5", "M125", "G0 X5 M91"]
+)
 line |= st.sampled_from(["%", "M98 P1", "O1 sub", "while true", "M622 J1", "M623", "M01 G0 Z50", "G10 L2 P0 X5"])
 move = st.tuples(st.sampled_from(["G1", "g0", "G01"]), numbers, numbers, numbers).map(
     lambda parts: f"{parts[0]} X{parts[1]} Y{parts[2]} Z{parts[3]} E1.5"
@@ -69,7 +76,9 @@ def attempt(
         return error
 
 
-def check(model: Model, program: str, folder: Path, offset_mm: Triple, passed: bytes | None = None) -> bytes | None:
+def check(
+    model: Model, program: str, folder: Path, offset_mm: Triple | None, passed: bytes | None = None
+) -> bytes | None:
     """Hold both readers against each other; a program that nothing is passed in is written as where it is passed.
 
     Parameters
@@ -77,7 +86,7 @@ def check(model: Model, program: str, folder: Path, offset_mm: Triple, passed: b
     passed
         What was written where unsupported lines are passed; None: pass them now.
     """
-    options = replace(PASS if passed is None else CompensationOptions(), work_offset_mm=offset_mm)
+    options = replace(PASS if passed is None else CompensationOptions(), work_offset_mm=offset_mm, home_mm=HOME)
     outcome = attempt(model, program.encode(), options)
     if isinstance(outcome, GcodeError):
         assert 1 <= outcome.line <= program.count("\n") + 1
@@ -88,7 +97,8 @@ def check(model: Model, program: str, folder: Path, offset_mm: Triple, passed: b
         return written
     (folder / "in.gcode").write_text(program)
     (folder / "out.gcode").write_bytes(written)
-    path = compare_paths(model, folder / "in.gcode", folder / "out.gcode", work_offset_mm=offset_mm, threads=1)
+    programs = (folder / "in.gcode", folder / "out.gcode")
+    path = compare_paths(model, *programs, work_offset_mm=offset_mm, home_mm=HOME, threads=1)
     if "not-split" not in {warning.kind for warning in result.warnings}:
         assert path.max_error_um_after <= 5.0
     assert path.moves_with_other_extrusion == 0
@@ -102,7 +112,7 @@ def check(model: Model, program: str, folder: Path, offset_mm: Triple, passed: b
 def test_programs_of_any_words(tmp_path, program, offset_mm):
     passed = check(MILL, program, tmp_path, offset_mm)
     if passed is None:
-        options = CompensationOptions(work_offset_mm=offset_mm)
+        options = CompensationOptions(work_offset_mm=offset_mm, home_mm=HOME)
         assert isinstance(attempt(MILL, program.encode(), options), GcodeError)
     else:
         check(MILL, program, tmp_path, offset_mm, passed)

@@ -206,10 +206,14 @@ def test_a_home_that_only_the_correction_was_told_is_named(tmp_path):
     """Without it no place behind G28 is known, and the moves of the corrected program are none of the other."""
     machine, home = wavy(), (10.0, 10.0, 10.0)
     program, output = written(tmp_path, "G28\nG1 X300 F1200\nG1 Y300\n"), tmp_path / "out.gcode"
-    compensate_program(machine, program, output, CompensationOptions(home_mm=home))
+    zero = (0.0, 0.0, 0.0)
+    compensate_program(machine, program, output, CompensationOptions(home_mm=home, work_offset_mm=zero))
     with pytest.raises(GcodeError, match=r"hint: .*, and --home where it was given one"):
-        compare_paths(machine, program, output)
-    assert compare_paths(machine, program, output, home_mm=home).moves_compared == 1
+        compare_paths(machine, program, output, work_offset_mm=zero)
+    assert compare_paths(machine, program, output, home_mm=home, work_offset_mm=zero).moves_compared == 1
+    # Where the program's zero is not told, a place on the machine says nothing of its words.
+    with pytest.raises(GcodeError, match=r"hint: .*, and --work-offset where it was given one"):
+        compare_paths(machine, program, output, home_mm=home)
     other = written(tmp_path, "G1 X20 Y20 Z5\nM84\n", "other.gcode")
     with pytest.raises(GcodeError) as refused:
         compare_paths(machine, other, output)
@@ -333,7 +337,12 @@ def test_what_was_not_compared_is_not_proved(tmp_path):
     # Who has said where homing leaves the machine is not asked for it again.
     homed = written(tmp_path, "G28\nG1 X50 Y50 Z10\n", "homed.gcode")
     failed = run("verify", "path", errors, homed, homed, "--home", "0,0,0", "--tolerance", "0.001")
+    assert "say where the program's zero is: --work-offset" in str(failed.exception)
     assert "--home" not in str(failed.exception)
+    told = ("--home", "0,0,0", "--firmware", "marlin")
+    failed = run("verify", "path", errors, homed, homed, *told, "--tolerance", "0.001")
+    assert "--home" not in str(failed.exception)
+    assert "--work-offset" not in str(failed.exception)
     assert "of the first move behind G28 only the end is corrected" in str(failed.exception)
     assert "of the first move behind G28 only the end is corrected" in failed.stdout
     assert run("verify", "path", errors, program, program).exit_code == 0
@@ -348,7 +357,7 @@ G81 X50 Y50 Z-5 R2
 X60
 G80
 G0 X10 Y10 Z10
-BSPLINE
+PARK
 G1 X70
 G65 P9000 X1
 G0 X10 Y10 Z10
@@ -621,6 +630,72 @@ def test_a_tool_length_that_ends_is_no_matter_until_something_moves(tmp_path):
     assert compare_paths(model(SMALL), moved, moved, work_offset_mm=offset_mm).moves_compared == 3
 
 
+@pytest.mark.parametrize(
+    ("lines", "n_compared"),
+    [
+        ("T1 D1\nG1 X1 Y1 Z1\nG1 Z5\nT1 D1\nG1 Z6\n", 2),
+        ("T1 D1\nG1 X1 Y1 Z1\nG1 Z5\nT2 D1\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        ("T1 D1\nG1 X1 Y1 Z1\nG1 Z5\nT2\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        ("T1 M6\nD1\nG1 X1 Y1 Z1\nG1 Z5\nT2\nD1\nG1 Z6\nM6\nD1\nG1 X1 Y1 Z1\nG1 Z6\n", 2),
+        ('T="A" D1\nG1 X1 Y1 Z1\nG1 Z5\nT="B" D1\nG1 X1 Y1 Z1\nG1 Z6\n', 1),
+        ("G17 D1\nG1 X1 Y1 Z1\nG1 Z5 D1\nG90 D2\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        ("T1 G17 S500\nG1 X1 Y1 Z1\nG1 Z5\nT2 G17 S500\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        ("T1 M6 G43\nG1 X1 Y1 Z1\nG1 Z5\nT2 M6 G43\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        ("T1 M6 G43\nG1 X1 Y1 Z1\nG1 Z5\nT2\nG43\nG1 Z6\n", 2),
+        ("G43 H1\nG1 X1 Y1 Z1\nG1 Z5\nH2\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        ("G43 H1\nG1 X1 Y1 Z1\nG1 Z5\nH0\nG1 X1 Y1 Z1\nG1 Z6\n", 1),
+        # Where the program has G43, D is a radius.
+        ("G43 H1\nT1 D1\nG1 X1 Y1 Z1\nG1 Z5\nT2 D1\nG1 X1 Y1 Z1\nG1 Z6\n", 3),
+    ],
+)
+def test_behind_the_length_of_another_tool_nothing_is_compared(tmp_path, lines, n_compared):
+    program = written(tmp_path, lines)
+    offset_mm = (0.0, 0.0, 1.0)
+    assert compare_paths(model(SMALL), program, program, work_offset_mm=offset_mm).moves_compared == n_compared
+
+
+TOOLS = "T0\nG1 X20 Y20 Z5 F3000\nG1 X21 E5\n{change}\nG1 X21 Y300.5 E{first}\nG1 X300.5 E{second}\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "first", "second", "length_mm"),
+    [
+        ("T1\nG92 E0", 2, 6, 11.0),
+        ("T1\nM83", 2, 6, 13.0),
+        ("ACTIVATE_EXTRUDER EXTRUDER=extruder1\nG92 E0\nG1 X21 Y20 Z5", 2, 6, 11.0),
+        ("SAVE_GCODE_STATE NAME=a\nG1 E1\nRESTORE_GCODE_STATE NAME=a\nG1 X21 Y20 Z5", 7, 9, 5.0),
+    ],
+)
+def test_what_several_tools_extrude_is_compared(tmp_path, change, first, second, length_mm):
+    program = written(tmp_path, TOOLS.format(change=change, first=first, second=second))
+    output, firmware = tmp_path / "out.gcode", "klipper"
+    compensation = compensate_program(wavy(), program, output, CompensationOptions(firmware=firmware))
+    result = compare_paths(wavy(), program, output, firmware=firmware)
+    assert result.moves_out > result.moves_in
+    assert result.moves_with_other_extrusion == 0
+    for one in (compensation, result):
+        assert one.extrusion_in_mm == one.extrusion_out_mm == pytest.approx(length_mm, abs=1e-9)
+
+
+def test_where_the_e_of_another_tool_begins_nobody_has_said(tmp_path):
+    """What the first word extrudes is not told, and such a move is not split; the next one counts from it."""
+    text = TOOLS.format(change="T1", first=7, second=9)
+    program, output = written(tmp_path, text), tmp_path / "out.gcode"
+    with pytest.raises(GcodeError, match="where its E begins nobody has said since the tool was changed"):
+        compensate_program(wavy(), program, output)
+    compensation = compensate_program(wavy(), program, output, CompensationOptions(on_unsupported="pass"))
+    result = compare_paths(wavy(), program, output)
+    assert result.moves_with_other_extrusion == 0
+    assert result.extrusion_in_mm == compensation.extrusion_in_mm == 7.0
+    # Another word is another length, though nobody knows which.
+    other = written(tmp_path, output.read_text().replace("E7\n", "E8\n"), "other.gcode")
+    assert compare_paths(wavy(), program, other).moves_with_other_extrusion > 0
+    # What compensate refuses to split is not passed when another did.
+    split = output.read_text().replace(" E7\n", " E6\nG1 X19.4125 Y300.5052 E7\n").replace("Y300.5052 Z", "Y200 Z")
+    with pytest.raises(GcodeError, match="where its E begins nobody has said"):
+        compare_paths(wavy(), program, written(tmp_path, split, "split.gcode"))
+
+
 def test_a_rapid_to_the_end_of_an_axis_is_not_compared(tmp_path):
     end_mm = model(SMALL).machine.axes["x"].range_mm[1]
     program = written(tmp_path, f"G0 X0 Y0 Z0\nG53 G0 X{end_mm}\nG0 Y5\nG0 X10\nG0 X20\n")
@@ -662,13 +737,50 @@ def test_a_rapid_to_the_end_of_an_axis_is_not_compared(tmp_path):
         ("G52 X0", None, True),
         ("G92.1", None, True),
         ("G92 X0\nG92.1", None, False),
+        ("G28", None, False),
+        ("M190 S60\nG28", None, True),
+        ("G92 E0\nG28", None, True),
+        ("G10 L2 P1 X0 Y0 Z0\nG28", None, True),
+        ("M104 S1500\nG28", None, False),
+        ("G10 L2 P1 X0 Y0 Z0", None, False),
+        ("G10 L2 P2 X0 Y0 Z0\nG55", None, False),
+        ("M83\nG1 E1\nG10 L2 P2 X0 Y0 Z0\nG55", None, True),
+        ("G1 X=60", None, True),
+        ("G1 X=60", "marlin", False),
+        ("G1 X=IC(60)", None, False),
+        ("G1 X=R1", None, False),
+        ("G1 Y5 FZ=0.1", None, False),
+        ('T="MILL 10"', None, True),
+        ("G115", None, False),
+        ("G113", None, False),
+        ("G154 P2", None, False),
+        ("$P_UIFR[1,X,TR]=50", None, False),
+        ("$TC_DP3[1,1]=80", None, False),
+        ("BSPLINE X5 Y5", None, False),
+        ("GOTOF ENDE", None, False),
+        ("M101 X5", None, False),
+        ("M101 P5", None, True),
+        ("G0 G52 X0", None, False),
+        ("G0 X5 M91", None, False),
+        ("M140 MB50", None, False),
+        ("VZOFX[1]=50", None, False),
+        ("M206 Y5", "marlin", False),
+        ("M206", "marlin", True),
+        ("SET_GCODE_OFFSET Z_ADJUST=5", "klipper", False),
+        ("SET_GCODE_OFFSET Z=5 MOVE=1", "klipper", True),
+        ("SET_VELOCITY_LIMIT X=5", "klipper", True),
     ],
 )
 def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_compared):
     """Behind such a line one move begins at a place that is known, or none does."""
     program = written(tmp_path, f"G1 X0 Y0 Z0\n{line}\nG1 F100 X50\n")
-    result = compare_paths(model(SMALL), program, program, firmware=firmware)
-    end = "M01 G0" in line and firmware is None
-    assert result.moves_compared == is_compared + end
+    homed = "G28" in line and is_compared
+    home_mm = (0.0, 0.0, 0.0) if "G28" in line else None
+    result = compare_paths(model(SMALL), program, program, firmware=firmware, home_mm=home_mm)
+    end = line in ("M01 G0 X60", "G1 X=60") and firmware is None
+    # Of the first move behind a home only the end is corrected: it is followed all the same.
+    assert result.moves_compared == is_compared + end - homed
+    if "G28" in line:
+        assert (result.moves_not_followed == 0) == is_compared
     if end:
         assert result.path_mm == pytest.approx(60.0 + 10.0)

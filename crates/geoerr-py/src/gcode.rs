@@ -210,10 +210,12 @@ impl PyGcodeRewriter {
     }
 }
 
-/// Gives what is said of a split move of which firmwares differ on what it extrudes, and the remedy.
+/// Gives what is said of a split move of which firmwares differ on what it extrudes, or of which nobody has said where its E
+/// begins; and the remedy.
 #[pyfunction]
-fn unclear_extrusion() -> (String, &'static str) {
-    let what = Unsupported::ExtruderMode;
+#[pyo3(signature = (*, is_lost))]
+fn unclear_extrusion(is_lost: bool) -> (String, &'static str) {
+    let what = if is_lost { Unsupported::ExtruderLost } else { Unsupported::ExtruderMode };
     (what.to_string(), what.remedy())
 }
 

@@ -63,7 +63,11 @@ OnUnsupported = Annotated[
 ]
 Home = Annotated[
     str | None,
-    typer.Option("--home", metavar="X,Y,Z", help="Where G28 leaves the machine, machine coordinates, mm."),
+    typer.Option(
+        "--home",
+        metavar="X,Y,Z",
+        help="Where G28 leaves the machine, machine coordinates, mm; of a mill beside --work-offset.",
+    ),
 ]
 Firmware = Annotated[
     FirmwareName | None,
@@ -157,7 +161,7 @@ def conditions(given: list[str] | None) -> dict[str, float | str]:
         except ValueError:
             number = math.nan
         if not name or not separator or (isinstance(number, float) and not math.isfinite(number)):
-            raise typer.BadParameter(f"{text!r} is not NAME=VALUE", param_hint="--at")
+            raise typer.BadParameter(f"{text!r} is not NAME=VALUE, VALUE a number or reference", param_hint="--at")
         if name in read:
             raise typer.BadParameter(f"{name} is stated twice: {read[name]} and {number}", param_hint="--at")
         read[name] = number

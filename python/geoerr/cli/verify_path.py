@@ -110,7 +110,9 @@ def path(
         say(_report(result, is_home_known=home is not None))
     if not result.moves_compared:
         note("note: no move of the program could be compared", quiet)
-    _check(result, tolerance, allow_untouched, firmware, is_home_known=home is not None)
+    zero_is_told = work_offset is not None or firmware is not None
+    begin = _unsaid(is_home_known=home is not None, zero_is_told=zero_is_told)
+    _check(result, tolerance, allow_untouched, firmware, begin)
 
 
 def _report(result: PathResult, *, is_home_known: bool) -> str:
@@ -168,20 +170,18 @@ def _check(
     tolerance_mm: float | None,
     most_untouched: int,
     firmware: FirmwareName | None,
-    *,
-    is_home_known: bool,
+    begin: str,
 ) -> None:
     if tolerance_mm is None:
         return
     if not result.moves_compared:
-        begin = f"{_BEHIND_HOME}: let others follow it" if is_home_known else "say where it begins, as with --home"
         raise GeoerrError(
             "no move of the program could be compared, so that nothing is proved\n"
-            f"hint: {begin}, and write arcs as straight moves"
+            f"hint: {begin or f'{_BEHIND_HOME}: let others follow it'}, and write arcs as straight moves"
         )
     problems = [
         *_off_path(result, tolerance_mm),
-        *_untouched(result, most_untouched, is_home_known=is_home_known),
+        *_untouched(result, most_untouched, begin),
         *_other_than_path(result, firmware),
     ]
     if problems:
@@ -191,6 +191,17 @@ def _check(
 
 # What is not as it should be, each with its remedy.
 _Problems: TypeAlias = "Iterator[tuple[str, str]]"
+
+
+def _unsaid(*, is_home_known: bool, zero_is_told: bool) -> str:
+    """Ask for what was not said of where a program begins; empty where all was."""
+    if not is_home_known:
+        return "say where homing leaves the machine, --home"
+    # Without it, no place on the machine says what the program's words are there.
+    zero = (
+        "say where the program's zero is: --work-offset (0,0,0 where it is the machine's), or a printer's --firmware"
+    )
+    return "" if zero_is_told else zero
 
 
 def _off_path(result: PathResult, tolerance_mm: float) -> _Problems:
@@ -203,13 +214,12 @@ def _off_path(result: PathResult, tolerance_mm: float) -> _Problems:
         )
 
 
-def _untouched(result: PathResult, most: int, *, is_home_known: bool) -> _Problems:
+def _untouched(result: PathResult, most: int, begin: str) -> _Problems:
     if result.moves_not_followed > most:
-        begin = "" if is_home_known else "say where homing leaves the machine, --home; "
         yield (
             _not_followed(result),
-            f"{begin}give X, Y and Z before the first cut, write arcs and cycles as straight moves, or allow what is"
-            f" left: --allow-untouched {result.moves_not_followed}",
+            f"{begin}{begin and '; '}give X, Y and Z before the first cut, write arcs and cycles as straight moves,"
+            f" or allow what is left: --allow-untouched {result.moves_not_followed}",
         )
 
 

@@ -55,8 +55,9 @@ class CompensationOptions:
     Attributes
     ----------
     work_offset_mm
-        From the machine's zero to the program's zero (G54). None takes it for the machine's; where no firmware is
-        named either, `G53` is not relied on.
+        From the machine's zero to the program's zero (G54). None takes it for the machine's; where the program is no
+        printer's either (no firmware is named, and it heats no bed and has no extruder), nothing is relied on that is
+        told in machine coordinates: `G53`, and `home_mm` behind `G28`.
     tolerance_mm
         Largest distance of the actual tool position from the programmed one, at the same share of a move.
     digits

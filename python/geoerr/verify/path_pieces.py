@@ -188,10 +188,10 @@ def _refuse_other_words(program: Path, move: Move, pieces: Sequence[Move], numbe
 
 
 def _refuse_unclear_extrusion(program: Path, numbers: Sequence[int], moves: Sequence[Move], counts: _Places) -> None:
-    """Ask what `compensate` asks, in its words: what a split move extrudes, its firmware decides."""
+    """Ask what `compensate` asks, in its words: what a split move extrudes a firmware decides, or nobody said."""
     for place in np.flatnonzero(counts > 1).tolist():
-        if not moves[place].is_extrusion_clear:
-            problem, remedy = _core.unclear_extrusion()
+        if moves[place].extrusion_reading != "clear":
+            problem, remedy = _core.unclear_extrusion(is_lost=moves[place].extrusion_reading == "lost")
             raise GcodeError(program, numbers[place], problem, remedy=remedy)
 
 

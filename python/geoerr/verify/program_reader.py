@@ -21,6 +21,7 @@ from geoerr.verify.program_words import Kind, Statement, read_statement
 
 Place = tuple[float | None, float | None, float | None]
 Motion = Literal["straight", "ends at its words", "ends somewhere", "none"]
+Reading = Literal["clear", "unclear", "lost"]
 Pace = Literal["rapid", "a minute", "a turn"]
 
 _LINE_END = re.compile(rb"\r\n|\n|\r")
@@ -55,8 +56,15 @@ _NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 _STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
 # G codes that set, end, or take up again a shift of the program's zero besides G92.
 _SHIFTS = frozenset((52.0, 92.1, 92.2, 92.3))
+# G codes that take no D themselves, and the words that may stand beside the D of a tool's edge.
+_LEAVING_D = frozenset(
+    (0.0, 1.0, 17.0, 18.0, 19.0, 20.0, 21.0, 40.0, 53.0, 70.0, 71.0, 80.0, 90.0, 91.0, 94.0, 95.0, 700.0, 710.0)
+)
+_BESIDE_D = frozenset((*_LETTERS, b"D", b"F", b"S", b"T"))
 # Spindle and coolant off.
 _OFF = (5.0, 9.0)
+# Of a bed, and of a nozzle that is waited for.
+_HEATERS = frozenset(((109.0,), (140.0,), (190.0,)))
 # G codes whose words are times or settings.
 _OWN_WORDS = frozenset((4.0, 28.1, 30.1))
 # A move that a probe ends, and macros: where they go is not in the program.
@@ -110,8 +118,9 @@ class Move(NamedTuple):
         Where it ends.
     extrusion
         What its E word extrudes, in units of 1e-10 mm; where no firmware is named, as Marlin reads it.
-    is_extrusion_clear
-        Whether all firmwares that may run the program read its E word alike.
+    extrusion_reading
+        Whether all firmwares that may run the program read its E word alike, and whether it is known where E stood
+        before: of a lost one the word counts, and the next one says what is extruded.
     feed
         How fast it is asked to be.
     course
@@ -123,7 +132,7 @@ class Move(NamedTuple):
     start_mm: Triple | None
     end_mm: Triple
     extrusion: int
-    is_extrusion_clear: bool
+    extrusion_reading: Reading
     feed: Feed
     course: Course | None
     others: tuple[str, ...] = ()
@@ -154,6 +163,8 @@ class _Extruder:
     # Where it stands for each of them, or for all while they read the next word alike.
     positions: list[int] = field(default_factory=lambda: [0])
     relative: list[bool] = field(init=False)
+    # Another tool was chosen: a firmware may call its position anything.
+    is_lost: bool = False
 
     def __post_init__(self) -> None:
         self._read()
@@ -166,22 +177,48 @@ class _Extruder:
         self.own_relative = self.last_relative = is_relative
         self._read()
 
+    def reads_as(self) -> tuple[bool, bool, bool]:
+        """Give what says whether E is a position."""
+        return self.axes_relative, self.own_relative, self.last_relative
+
     def set_position(self, word: float) -> None:
+        self.is_lost = False
         self._settle([self._units(word)])
 
-    def move(self, word: float | None) -> tuple[int, bool]:
+    def place(self) -> tuple[list[int], bool]:
+        """Give where it stands, for `put`."""
+        return list(self.positions), self.is_lost
+
+    def put(self, place: tuple[list[int], bool]) -> None:
+        """Take up where it stood."""
+        positions, self.is_lost = place
+        self._settle(list(positions))
+
+    def move(self, word: float | None) -> tuple[int, Reading]:
         """Give what E extrudes, and whether all read it alike: as a position or an increment, from the same place."""
         if word is None:
-            return 0, True
+            return 0, "clear"
         units = self._units(word)
+        if self.is_lost and not self.relative[0]:
+            return self._find(units)
         if len(self.positions) == 1:
             increment = units if self.relative[0] else units - self.positions[0]
             self.positions[0] += increment
             self.total += increment
-            return increment, True
+            return increment, "clear"
         return self._move_each(units)
 
-    def _move_each(self, units: int) -> tuple[int, bool]:
+    def _find(self, units: int) -> tuple[int, Reading]:
+        """Learn from a position where E stands; what the move extrudes nobody has said."""
+        before = self.total
+        _, reading = self._move_each(units) if len(self.positions) > 1 else (0, "lost")
+        self.total, self.is_lost = before, False
+        if reading == "unclear":
+            return 0, "unclear"
+        self._settle([units])
+        return units, "lost"
+
+    def _move_each(self, units: int) -> tuple[int, Reading]:
         readings = [
             (is_relative, units if is_relative else units - position)
             for is_relative, position in zip(self.relative, self.positions, strict=True)
@@ -189,7 +226,7 @@ class _Extruder:
         self._settle([at + increment for at, (_, increment) in zip(self.positions, readings, strict=True)])
         told = readings[0]
         self.total += told[1]
-        return told[1], readings.count(told) == len(readings)
+        return told[1], "clear" if readings.count(told) == len(readings) else "unclear"
 
     def _units(self, word: float) -> int:
         """Give a length as whole units: exact for the digits that programs have."""
@@ -225,8 +262,12 @@ class _Modes:
     feed_override: float = 1.0
     kept_override: float = 1.0
     tool_length: float | None = None
-    # Siemens' D, whose length counts where the program has no G43.
-    tool_edge: int | None = None
+    # Siemens' D, and the tool that it is of: their length counts where the program has no G43.
+    tool_edge: tuple[int, float | None] | None = None
+    # The tool that T has named, and that which M6 put in: before any M6 a T changes the tool.
+    tool: float | None = None
+    changed_tool: float | None = None
+    has_changed_tool: bool = False
     # Behind G49 or D0 no word means what it did; what does not move does not matter.
     has_lost_length: bool = False
     has_saved_place: bool = False
@@ -295,7 +336,8 @@ class ProgramReader:
         # Whether the line's word selects a coordinate system that is not followed.
         self._is_elsewhere = False
         # Where a mill's zero is nobody knows by itself; printers count from the machine's.
-        self._zero_is_told = [firmware is not None or work_offset_mm is not None] * 3
+        self._axes_told = [work_offset_mm is not None] * 3
+        self._is_printers = firmware is not None
         self._zero: Place = work_offset_mm or (0.0, 0.0, 0.0)
         self._systems: dict[int, Place] = {1: self._zero}
         self._n_tape_marks = 0
@@ -303,6 +345,8 @@ class ProgramReader:
         self._is_lost = False
         # What held where a branch of a printer began.
         self._branches: list[tuple[object, ...]] = []
+        # What held where it was kept under a name, and where the extruder stood.
+        self._kept: dict[bytes, tuple[tuple[object, ...], tuple[list[int], bool]]] = {}
 
     @property
     def extrusion(self) -> int:
@@ -356,13 +400,45 @@ class ProgramReader:
                 self._program_number()
             case Kind.ANYWHERE:
                 self._forget()
+            case Kind.OFFSET | Kind.EXTRUDER | Kind.SAVE | Kind.RESTORE:
+                self._named(statement)
             case Kind.M_CODE:
-                self._m_code(statement.m_codes[0])
-                if statement.m_codes[0] == 220.0:
-                    self._override_feed(statement.words or {})
+                self._m_line(statement)
             case Kind.WORDS:
                 return self._words(statement)
         return None
+
+    def _named(self, statement: Statement) -> None:
+        """Take over a command of Klipper's that changes, keeps, or takes up again how words are read."""
+        if statement.kind is Kind.OFFSET:
+            self._forget_named(statement.words or {})
+            return
+        if statement.kind is Kind.SAVE:
+            self._kept[statement.state] = (self._holding(), self._extruder.place())
+            return
+        holds, place = self._holding(), None
+        if statement.kind is Kind.RESTORE:
+            kept, place = self._kept.get(statement.state, (None, None))
+            if kept != holds:
+                self._lose()
+        self._forget()
+        if place is None:
+            self._extruder.is_lost = True
+        else:
+            self._extruder.put(place)
+
+    def _m_line(self, statement: Statement) -> None:
+        self._m_code(statement.m_codes[0])
+        if statement.m_codes[0] == 220.0:
+            self._override_feed(statement.words or {})
+        # Machine tools have no words of temperatures there.
+        self._is_printers |= _heats(statement)
+        if statement.m_codes[0] == 140.0 and b"B" in (statement.words or {}) and not _heats(statement):
+            # Heidenhain's controls draw the tool back from the contour.
+            self._forget()
+        if statement.m_codes[0] in (206.0, 428.0):
+            # The zero moves, and no axis does.
+            self._forget_named(dict.fromkeys(_LETTERS) if statement.m_codes[0] == 428.0 else statement.words or {})
 
     def _is_lost_by(self, statement: Statement) -> bool:
         """Lose track, or the place, by a line that says what nobody knows; tell whether it is one."""
@@ -397,7 +473,7 @@ class ProgramReader:
         digit, x, y, z, e, feed = plain.groups()
         self._modes.is_rapid = digit == b"0"
         self._take_feed(_number(feed))
-        extrusion = self._extruder.move(_number(e))
+        extrusion = self._extrude(_number(e))
         if x is None and y is None and z is None:
             return None
         return self._arrive(self._end(_number(x), _number(y), _number(z), self._origin()), extrusion)
@@ -407,6 +483,7 @@ class ProgramReader:
         for code in statement.m_codes:
             self._m_code(code)
         codes = _without_idle_end(statement.codes, words)
+        self._take_tool(statement, words)
         owners = [code for code in codes if not self._take_mode(code, words)]
         self._is_elsewhere = not owners and _selects_by_word(statement)
         if not owners:
@@ -416,6 +493,9 @@ class ProgramReader:
             self._forget()
         if not owners:
             self._take_feed(words.get(b"F"))
+            if words.get(b"F", 0.0) is None:
+                # What the controller computes is not known here.
+                self._modes.feed_mm_min = 0.0
         if owners:
             self._owned(owners, statement, words)
         elif statement.is_readable:
@@ -424,24 +504,62 @@ class ProgramReader:
 
     def _other_controls(self, statement: Statement, words: dict[bytes, float | None]) -> None:
         """Take over what words beside a code, or alone, mean to controls that few programs are for."""
-        modes = self._modes
         if self._is_elsewhere:
-            modes.system = _FURTHER_SYSTEM
-            self._find_zero()
-        number = words.get(b"D")
-        is_alone = not statement.codes and words.keys() <= frozenset((b"D", b"F", b"S", b"T"))
-        if number is not None and is_alone and self._firmware is None and modes.tool_length is None:
-            self._take_edge(int(max(number, 0.0)))
+            self._select_system(_FURTHER_SYSTEM)
+        if self._has_edge(statement, words):
+            self._take_edge(int(max(words[b"D"] or 0.0, 0.0)))
+        elif self._counts_edges() and _calls_tool(statement, words):
+            self._take_edge(1)
+        if self._firmware is None and not any(
+            code in (15.0, 49.0) or 43.0 <= code < 45.0 for code in statement.codes
+        ):
+            self._take_length(words.get(b"H"))
+
+    def _take_length(self, number: float | None) -> None:
+        """Take another length by H alone while G43 holds; H0 takes none."""
+        modes = self._modes
+        if number is None or modes.tool_length in (None, number):
+            return
+        if number == 0.0:
+            modes.has_lost_length = True
+        else:
+            modes.tool_length = number
+            self._lose_zero()
+
+    def _take_tool(self, statement: Statement, words: dict[bytes, float | None]) -> None:
+        """Take over the tool of a line; another one than that of the D that holds has another length."""
+        modes, named = self._modes, words.get(b"T")
+        if named is not None:
+            before, modes.tool = modes.tool, float(math.floor(max(named, 0.0)))
+            # Programs begin with the tool 0, if they name none.
+            self._extruder.is_lost |= (before or 0.0) != modes.tool
+        if 6.0 in statement.m_codes:
+            modes.has_changed_tool, modes.changed_tool = True, modes.tool
+        if self._counts_edges() and modes.tool_edge is not None and modes.tool_edge[1] != self._tool_in_use():
+            modes.has_lost_length = True
+
+    def _tool_in_use(self) -> float | None:
+        return self._modes.changed_tool if self._modes.has_changed_tool else self._modes.tool
+
+    def _counts_edges(self) -> bool:
+        """Tell whether a D may be a tool's edge: behind G43 it is a radius, to printers nothing."""
+        return self._firmware is None and self._modes.tool_length is None
+
+    def _has_edge(self, statement: Statement, words: dict[bytes, float | None]) -> bool:
+        """Tell whether a line has an edge of a tool, which is not the D of a code on it."""
+        codes = frozenset(statement.codes)
+        is_free = all(code in _LEAVING_D or _selects_system(code) for code in codes) and words.keys() <= _BESIDE_D
+        return words.get(b"D") is not None and is_free and self._counts_edges()
 
     def _take_edge(self, edge: int) -> None:
-        modes = self._modes
+        modes, now = self._modes, (edge, self._tool_in_use())
         if modes.tool_edge is None and edge:
-            modes.tool_edge = edge
+            modes.tool_edge = now
             self._forget_height()
         elif modes.tool_edge is not None:
             modes.has_lost_length = not edge
-            if edge and edge != modes.tool_edge:
-                modes.tool_edge = edge
+            if edge and now != modes.tool_edge:
+                modes.tool_edge = now
                 self._lose_zero()
 
     def _moves(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
@@ -454,8 +572,16 @@ class ProgramReader:
         if not is_clear or self._modes.motion is None:
             self._forget()
         elif _has_numbers(words):
-            self._extruder.move(words.get(b"E"))
+            self._extrude(words.get(b"E"))
         return None
+
+    def _extrude(self, word: float | None) -> tuple[int, Reading]:
+        self._is_printers |= word is not None
+        return self._extruder.move(word)
+
+    def _zero_is_told(self) -> bool:
+        """Tell whether it is known where the program's zero is on the machine, or known that nobody knows."""
+        return self._modes.system != 1 or self._is_printers or all(self._axes_told)
 
     def _motion(self, statement: Statement, words: dict[bytes, float | None]) -> Move | None:
         modes = self._modes
@@ -465,21 +591,25 @@ class ProgramReader:
             self._pass_over()
             return None
         has_numbers = _has_numbers(words)
-        known = _MOVE_LETTERS | (_PARAMETERS if _TAKES_PARAMETERS & set(statement.codes) else frozenset())
+        takes_parameters = _TAKES_PARAMETERS & set(statement.codes) or self._has_edge(statement, words)
+        known = _MOVE_LETTERS | (_PARAMETERS if takes_parameters else frozenset())
         is_odd = modes.motion == "straight" and not words.keys() <= known
         is_template = statement.has_placeholder and not has_numbers and not _OTHER_AXES & words.keys()
         if is_template and modes.motion == "straight" and not is_odd and not modes.transforms:
             self._forget_named(words)
             self._pass_over()
             return None
-        is_clear = statement.is_single and has_numbers and not is_odd and not modes.transforms
+        # Heidenhain's M91 and M92 count from places of the machine's.
+        is_placed_by_m = self._firmware is None and not {91.0, 92.0}.isdisjoint(statement.m_codes)
+        is_clear = statement.is_single and has_numbers and not (is_odd or is_placed_by_m or modes.transforms)
         if modes.motion in (None, "ends somewhere") or not is_clear or (in_machine and modes.is_relative):
             self._forget()
             self._pass_over()
             return None
-        extrusion = self._extruder.move(words.get(b"E"))
+        zero_was_told = self._zero_is_told()
+        extrusion = self._extrude(words.get(b"E"))
         x, y, z = (words.get(letter) for letter in _LETTERS)
-        if in_machine and modes.system == 1 and not all(self._zero_is_told):
+        if in_machine and not zero_was_told:
             # Words that count from another zero tell nothing of these axes.
             self.lacks_zero = True
             if not modes.is_rapid:
@@ -554,7 +684,7 @@ class ProgramReader:
         selected = (_system_of(code) for code in statement.codes if _selects_system(code))
         return not self._is_elsewhere and all(_is_known(self._systems.get(system, _UNKNOWN)) for system in selected)
 
-    def _arrive(self, end: Place, extrusion: tuple[int, bool], others: tuple[str, ...] = ()) -> Move | None:
+    def _arrive(self, end: Place, extrusion: tuple[int, Reading], others: tuple[str, ...] = ()) -> Move | None:
         """Move on a straight line; give the move where its end is known."""
         self.n_moves += 1
         begin, was_on_path = self._place, self._is_on_path
@@ -584,6 +714,15 @@ class ProgramReader:
             here_z if z is None else None if from_z is None else from_z + z * unit_mm,
         )
 
+    def _select_system(self, system: int) -> None:
+        was_told = self._zero_is_told()
+        self._modes.system = system
+        self._find_zero()
+        if self._zero_is_told() != was_told:
+            # What is known from a zero that is only thought says nothing in a system that has its place.
+            self.lacks_zero |= any(here is not None for here in self._place)
+            self._forget()
+
     def _find_zero(self) -> None:
         """Find the machine coordinates of the program's zero again, after the system or the shift has changed."""
         system = self._systems.get(self._modes.system, _UNKNOWN)
@@ -605,8 +744,7 @@ class ProgramReader:
             modes.is_relative = code == 91.0
             self._extruder.set_axes(modes.is_relative)
         elif _selects_system(code):
-            modes.system = _system_of(code)
-            self._find_zero()
+            self._select_system(_system_of(code))
         elif code in (93.0, 94.0, 95.0):
             modes.is_inverse_time = code == 93.0
             if code != 93.0:
@@ -621,6 +759,9 @@ class ProgramReader:
         if code in _TRANSFORM:
             modes.transforms.add(_TRANSFORM[code])
             self._forget()
+        elif code == 113.0 and code not in modes.transforms:
+            # Haas' controls have a coordinate system of that number, where it does not end G112.
+            self._select_system(_FURTHER_SYSTEM)
         elif code in _TRANSFORM_ENDS:
             modes.transforms.discard(code)
         elif code in (43.0, 49.0):
@@ -651,10 +792,13 @@ class ProgramReader:
 
     def _tool_length(self, code: float, number: float | None) -> None:
         modes = self._modes
-        length = -1.0 if number is None else number
-        modes.has_lost_length = code == 49.0 and modes.tool_length is not None
+        # Without H it is that of the tool in use (LinuxCNC).
+        of_tool = self._tool_in_use()
+        length = number if number is not None else -1.0 if of_tool is None else of_tool
         if code == 49.0:
+            modes.has_lost_length |= modes.tool_length is not None
             return
+        modes.has_lost_length = False
         if modes.tool_length is None:
             self._forget_height()
         elif modes.tool_length != length:
@@ -693,7 +837,9 @@ class ProgramReader:
 
     def _loses_shift(self, code: float, statement: Statement, words: dict[bytes, float | None]) -> bool:
         """Tell whether a code leaves a shift that is not followed; to end one where none holds does nothing."""
-        return code in _SHIFTS and not (statement.is_readable and _ends_shift(code, words) and not any(self._shifted))
+        moves = code == 52.0 and any(_motion_of(other) not in (None, "none") for other in statement.codes)
+        ends = statement.is_readable and _ends_shift(code, words) and not moves
+        return code in _SHIFTS and not (ends and not any(self._shifted))
 
     def _shift_zero(self, words: dict[bytes, float | None]) -> None:
         if not words or not _has_numbers(words):
@@ -701,6 +847,7 @@ class ProgramReader:
             return
         extruder = words.get(b"E")
         if extruder is not None:
+            self._is_printers = True
             self._extruder.set_position(extruder)
         system = self._systems.get(self._modes.system, _UNKNOWN)
         shift = list(self._shift)
@@ -731,18 +878,30 @@ class ProgramReader:
                 word = words.get(letter)
                 if word is not None:
                     place[axis] = word * self._modes.unit_mm
-                    self._zero_is_told[axis] |= number == 1
             if number < 7:
                 self._systems[number] = (place[0], place[1], place[2])
+            if number == 1:
+                self._tell_zero([letter in words for letter in _LETTERS])
         elif kind in (2.0, 20.0) or (has_axes and kind not in (1.0, 10.0, 11.0)):
             self._lose_zero()
+
+    def _tell_zero(self, axes: list[bool]) -> None:
+        """Take over where G54 is: what was counted from where it was thought to be is forgotten."""
+        was_told, before = self._zero_is_told(), self._axes_told
+        self._axes_told = [old or new for old, new in zip(before, axes, strict=True)]
+        if not was_told and self._axes_told != before:
+            self.lacks_zero |= any(here is not None for here in self._place)
+            self._forget()
 
     def _home(self, named: list[bool], *, is_sure: bool) -> None:
         place, shift = list(self._place), list(self._shift)
         self.lacks_home |= self._home_mm is None
+        home_mm = self._home_mm if is_sure and self._zero_is_told() else None
+        # Where the machine is tells nothing of words that count from another zero.
+        self.lacks_zero |= self._home_mm is not None and not self._zero_is_told()
         for axis in range(3):
             if named[axis] or not any(named):
-                place[axis] = self._home_mm[axis] if is_sure and self._home_mm is not None else None
+                place[axis] = None if home_mm is None else home_mm[axis]
                 if self._firmware is not None:
                     shift[axis] = 0.0
                     self._shifted[axis] = False
@@ -754,7 +913,7 @@ class ProgramReader:
     def _m_code(self, code: float) -> None:
         if code in (82.0, 83.0):
             self._extruder.set_own(code == 83.0)
-        elif code in (6.0, 48.0):
+        elif code in (6.0, 48.0, 125.0):
             self._forget()
         elif code in (98.0, 99.0, 198.0):
             self._lose_way()
@@ -763,15 +922,22 @@ class ProgramReader:
 
     def _branch(self, *, begins: bool) -> None:
         """Begin or end lines that may not run: behind them words must be read as before."""
-        holds = (self._modes.read_as(), self._shift, self._extruder.axes_relative, self._extruder.own_relative)
+        holds = self._holding()
         self._forget()
         if begins:
             self._branches.append(holds)
         elif not self._branches or self._branches.pop() != holds:
             self._lose()
+        else:
+            self._extruder.is_lost = True
+
+    def _holding(self) -> tuple[object, ...]:
+        return self._modes.read_as(), self._shift, self._extruder.reads_as()
 
     def _forget_named(self, words: dict[bytes, float | None]) -> None:
         """Forget the axes that a line with a placeholder names: a firmware may read part of it, or refuse it."""
+        if words.keys().isdisjoint(_LETTERS):
+            return
         place = [None if letter in words else here for letter, here in zip(_LETTERS, self._place, strict=True)]
         self._place = (place[0], place[1], place[2])
         self._is_on_path = False
@@ -810,13 +976,30 @@ def _motion_of(code: float) -> Motion | None:
 
 
 def _selects_system(code: float) -> bool:
-    """Tell whether a code selects a coordinate system; those of G500 and G505 to G599 are never known."""
-    return 54.0 <= code < 60.0 or code == 500.0 or 505.0 <= code <= 599.0
+    """Tell whether a code selects a coordinate system; those of Siemens' and Haas' controls are never known."""
+    is_further = code in (154.0, 500.0) or 505.0 <= code <= 599.0 or 114.0 <= code < 130.0
+    return 54.0 <= code < 60.0 or is_further
 
 
 def _system_of(code: float) -> int:
-    """Give the number of a coordinate system: 1 is G54; 7 stands for G59.1 to G59.3, which are not followed."""
-    return int(code) - 53 if code == int(code) else _FURTHER_SYSTEM
+    """Give the number of a coordinate system: 1 is G54; 7 stands for the others, which are not followed."""
+    return int(code) - 53 if code in (54.0, 55.0, 56.0, 57.0, 58.0, 59.0) else _FURTHER_SYSTEM
+
+
+def _calls_tool(statement: Statement, words: dict[bytes, float | None]) -> bool:
+    """Tell whether a line calls a tool with its length, `T2 G17 S3000` of Heidenhain's controls."""
+    letters = frozenset((b"F", b"S", b"T"))
+    is_plane = bool(statement.codes) and all(code in (17.0, 18.0, 19.0) for code in statement.codes)
+    has_numbers = words.get(b"T") is not None and words.get(b"S") is not None
+    return is_plane and has_numbers and words.keys() <= letters and not statement.m_codes
+
+
+def _heats(statement: Statement) -> bool:
+    """Tell whether a line heats a bed, or waits for a nozzle, as printers do."""
+    words = statement.words or {}
+    has_temperature = any(words.get(letter) is not None for letter in (b"S", b"R"))
+    others = words.keys() - frozenset((b"H", b"P", b"R", b"S", b"T"))
+    return statement.m_codes in _HEATERS and has_temperature and not others
 
 
 def _selects_by_word(statement: Statement) -> bool:

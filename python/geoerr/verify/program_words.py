@@ -6,6 +6,7 @@ Nothing here is shared with the code that corrects programs: what proves a corre
 from __future__ import annotations
 
 import re
+import zlib
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -17,6 +18,15 @@ _CHECKSUM = re.compile(rb"\*\d*\s*$")
 _TEXT = re.compile(rb"#(?![\d<#\[])")
 # What a controller computes: `[1+[2*#3]]`, `#5`, `#<depth>`. Its number is not known here.
 _COMPUTED = rb"[-+]?(?:\[(?:[^\[\]]|\[[^\[\]]*\])*\]|#+(?:\d+|<[^>]*>))"
+# `X=150` of Siemens' controls; what they compute, up to a blank or comment outside of brackets; a tool by its name.
+# Of a longer name (`FZ=0.1`) the last letter is none by itself.
+_ASSIGNED = re.compile(
+    rb"(?<![A-Za-z_])([A-FH-LO-Za-fh-lo-z])[ \t]*=[ \t]*"
+    rb"(?:([-+]?(?:\d+\.?\d*|\.\d+))(?![\d.]|[ \t]*[-+*/=])"
+    rb"|\"([^\"]*)\"|(?:\((?:[^()]|\((?:[^()]|\([^()]*\))*\))*\)|\[[^\[\]]*\]|[^\s;()\[\]=\"])+)"
+)
+# Tools that have names get numbers from here on.
+_NAMED_TOOLS = 10**9
 _WORD = re.compile(rb"([A-Za-z])[ \t]*(?:([-+]?(?:\d+\.?\d*|\.\d+))|%b)?" % _COMPUTED)
 _WORDS = re.compile(rb"(?:[ \t]*%b)*[ \t]*" % _WORD.pattern)
 _NAME = re.compile(rb"[A-Za-z_]{2}\w*|[A-Za-z]\d[\d.]*_\w*")
@@ -25,17 +35,23 @@ _PLACEHOLDER = re.compile(rb"\{[a-z][a-z0-9_]*\}")
 # M codes whose line is text, not words; and those that have text on printers, and moves on machine tools.
 _TEXT_CODES = frozenset((117, 118, 486, 550, 551, 552, 553, 586, 587, 588, 589, 862, 928, 929, 1002))
 _TEXT_OF_PRINTERS = frozenset((0, 1, 16, *range(20, 34), 36, 37, 38, 39))
-# M codes below this stand before moves on machine tools, but for those by which printers set motors and parking.
-_FIRST_OF_PRINTERS = 100
-_SETTINGS_OF_PRINTERS = frozenset((17, 18, 25, 48, 84, 92))
+# M codes below this may stand before moves on machine tools, whose makers number their own up to 199, but for those
+# by which printers set motors and parking.
+_FIRST_OF_PRINTERS = 200
+_SETTINGS_OF_PRINTERS = frozenset((17, 18, 25, 48, 84, 92, 122, 125))
 # M codes that may share their line with a move (machining programs).
 _MACHINING_CODES = frozenset(range(2, 10))
 # M codes and names that decide which line comes next.
 _BRANCHING_CODES = frozenset((97, 98, 99, 198, 808))
-_BRANCHING_NAMES = re.compile(rb"if|elif|else|while|break|continue|abort|goto\d*|then|do\d+|end\d+", re.IGNORECASE)
-# Frames and transformations of Siemens' controls: axis words mean something else from there on.
+_BRANCHING_NAMES = re.compile(
+    rb"if|elif|else|while|break|continue|abort|goto(?:\d*|[bcfs])|then|do\d+|end\d+|for|loop|repeatb?|until|case"
+    rb"|(?:ext)?call",
+    re.IGNORECASE,
+)
+# Frames, transformations and curves of Siemens' controls: axis words mean something else from there on.
 _TRANSFORMING_NAMES = re.compile(
-    rb"A?(?:TRANS|ROTS?|SCALE|MIRROR)|CROTS|CYCLE800|MCALL|TRAANG|TRACYL|TRAFOO[FN]|TRANSMIT|TRAORI|TOFRAME|TOROT",
+    rb"A?(?:TRANS|ROTS?|SCALE|MIRROR)|[ABC]SPLINE|CIP|CT|INVCC?W|POLY|V[ZT]OF\w*"
+    rb"|CROTS|CYCLE800|MCALL|TRAANG|TRACYL|TRAFOO[FN]|TRANSMIT|TRAORI|TOFRAME|TOROT",
     re.IGNORECASE,
 )
 # `#CS ON` and others of Beckhoff's (ISG) and Fagor's controls: frames, machine coordinates, calls. Others are text.
@@ -44,13 +60,15 @@ _INSTRUCTIONS = re.compile(
     rb"|(?:CYL|FACE|KIN|ROTATION|SPLINE)(?!\w)\s*(?:ON|OFF|\[))",
     re.IGNORECASE,
 )
+# Frames and data of tools, as Siemens' controls have them: `$P_UIFR[1,X,TR]=50`.
+_FRAME_OR_TOOL = re.compile(rb"\$(?:P_\w*FR|TC_)", re.IGNORECASE)
 # `O1234 (PART)`: the number of a program, or where a subprogram begins.
 _PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # Named commands that, by Klipper's and RepRapFirmware's manuals, leave the machine where it is.
 _STILL_NAMES = re.compile(
     rb"var|global|set|echo|SET_(?!KINEMATIC_POSITION$|DUAL_CARRIAGE$)\w*|QUERY_\w*|EXCLUDE_OBJECT\w*|RESPOND|STATUS"
-    rb"|GET_POSITION|TURN_OFF_HEATERS|TEMPERATURE_WAIT|UPDATE_DELAYED_GCODE|SAVE_GCODE_STATE|SAVE_VARIABLE"
+    rb"|GET_POSITION|TURN_OFF_HEATERS|TEMPERATURE_WAIT|UPDATE_DELAYED_GCODE|SAVE_VARIABLE"
     rb"|SYNC_EXTRUDER_MOTION|SKEW_PROFILE|BED_MESH_(?:PROFILE|CLEAR|OFFSET|OUTPUT|MAP)",
     re.IGNORECASE,
 )
@@ -66,6 +84,10 @@ class Kind(Enum):
     BRANCH = "decides which line comes next, or what axis words mean"
     TAPE = "begin or end of the tape"
     NUMBER = "the number of a program or subprogram"
+    OFFSET = "moves the program's zero along some axes, and not them"
+    EXTRUDER = "chooses another extruder, and may move the machine anywhere"
+    SAVE = "keeps modes and zeros under a name"
+    RESTORE = "takes up again what was kept, and may move the machine anywhere"
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +114,8 @@ class Statement:
         Whether no letter that matters for a move stands twice.
     calls
         Whether it begins with an L and a number: outside of a cycle the call of a subprogram, `L100 P3`.
+    state
+        Name of what is kept or taken up again.
     """
 
     kind: Kind
@@ -103,7 +127,19 @@ class Statement:
     has_placeholder: bool = False
     has_checksum: bool = False
     calls: bool = False
+    state: bytes = b""
 
+
+# Klipper's, and how it names what is kept.
+_STATE_NAMES = {
+    b"ACTIVATE_EXTRUDER": Kind.EXTRUDER,
+    b"SAVE_GCODE_STATE": Kind.SAVE,
+    b"RESTORE_GCODE_STATE": Kind.RESTORE,
+}
+# Axes whose zero it moves, and whether it moves them, too.
+_OFFSET_AXES = re.compile(rb"(?<=\s)([XYZ])(?:_ADJUST)?=")
+_MOVED = re.compile(rb"(?<=\s)MOVE=(\S)")
+_STATE_NAME = re.compile(rb"(?<=\s)NAME=(\S*)")
 
 _STILL = Statement(Kind.STILL)
 _ANYWHERE = Statement(Kind.ANYWHERE)
@@ -118,7 +154,7 @@ def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
     begin = _BEGIN.match(body)
     is_skipped = begin is not None and (begin.group(1) is not None or begin.group(2) is not None)
     rest = body if begin is None else body[begin.end() :]
-    if not is_for_printer and _INSTRUCTIONS.match(rest):
+    if not is_for_printer and (_INSTRUCTIONS.match(rest) or _FRAME_OR_TOOL.match(rest)):
         return _BRANCH
     if not rest or rest.startswith(b";") or _TEXT.match(rest):
         return _STILL
@@ -126,16 +162,36 @@ def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
         return _TAPE
     name = _NAME.match(rest)
     if name is not None:
-        return _named(name.group())
+        return _named(name.group(), rest)
     if rest[:1] in b"oO":
         return _NUMBER if _PROGRAM_NUMBER.match(rest) else _BRANCH
     return _worded(rest, is_skipped, is_for_printer=is_for_printer)
 
 
-def _named(name: bytes) -> Statement:
+def _named(name: bytes, rest: bytes) -> Statement:
+    kind = _STATE_NAMES.get(name.upper())
+    if name.upper() == b"SET_GCODE_OFFSET":
+        moved = _MOVED.search(rest.upper())
+        axes = () if moved is not None and moved.group(1) != b"0" else _OFFSET_AXES.findall(rest.upper())
+        return Statement(Kind.OFFSET, words=dict.fromkeys(axes))
+    if kind is not None:
+        told = _STATE_NAME.search(rest.upper())
+        return Statement(kind, state=b"DEFAULT" if told is None else told.group(1))
     if _BRANCHING_NAMES.fullmatch(name) or _TRANSFORMING_NAMES.fullmatch(name):
         return _BRANCH
     return _STILL if _STILL_NAMES.fullmatch(name) else _ANYWHERE
+
+
+def _without_assignments(text: bytes) -> bytes:
+    """Write words with `=` as others are written: `X150`, `X[0]` for what is computed, numbers for names."""
+
+    def plain(found: re.Match[bytes]) -> bytes:
+        letter, number, name = found.groups()
+        if name is not None:
+            number = b"%d" % (_NAMED_TOOLS + zlib.crc32(name.upper()))
+        return b"%b%b" % (letter, b"[0]" if number is None else number)
+
+    return _ASSIGNED.sub(plain, text)
 
 
 def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement:
@@ -146,6 +202,8 @@ def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement
             return _BRANCH
         if code in _TEXT_CODES or (is_for_printer and code in _TEXT_OF_PRINTERS):
             return _STILL
+    if b"=" in rest and not is_for_printer:
+        rest = _without_assignments(rest)
     text, has_checksum = rest, False
     if b";" in rest or b"(" in rest or b"*" in rest:
         commentless = _COMMENT.sub(b" ", rest)

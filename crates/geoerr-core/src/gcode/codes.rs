@@ -42,7 +42,7 @@ pub enum Code {
     MachineCoordinates,
     /// `G54` to `G59`: 0 to 5.
     System(usize),
-    /// `G59.1` to `G59.3`, `G54.1 P..` (Fanuc), `G154 P..` (Haas), `G500`, `G505` to `G599` (Siemens).
+    /// `G59.1` to `G59.3`, `G54.1 P..` (Fanuc), `G154 P..` and `G114` to `G129` (Haas), `G500`, `G505` to `G599` (Siemens).
     FurtherSystem,
     /// `G40`.
     CompensationOff,
@@ -97,7 +97,7 @@ impl Code {
             900 | 910 => Self::Distance { is_relative: code10 == 910 },
             530 => Self::MachineCoordinates,
             540 | 550 | 560 | 570 | 580 | 590 => Self::System((code10 as usize - 540) / 10),
-            541..=549 | 591..=593 | 1540 | 5000 | 5050..=5990 => Self::FurtherSystem,
+            541..=549 | 591..=593 | 1140..=1290 | 1540 | 5000 | 5050..=5990 => Self::FurtherSystem,
             400 => Self::CompensationOff,
             410..=429 => Self::CompensationOn,
             430 => Self::ToolLength,
@@ -142,25 +142,55 @@ pub enum Macro {
     Unknown,
 }
 
-/// Words of RepRapFirmware (`if`, `while`) and of Fanuc's macros (`IF[..]GOTO`, `DO1`, `END1`) that say which line
-/// comes next.
+/// Words of RepRapFirmware (`if`, `while`), of Fanuc's macros (`IF[..]GOTO`, `DO1`, `END1`) and of Siemens' controls
+/// (`GOTOF`, `REPEAT`, `EXTCALL`) that say which line comes next.
 fn is_branch(name: &[u8]) -> bool {
     let name = name.to_ascii_lowercase();
-    let words: [&[u8]; 9] =
-        [b"if", b"elif", b"else", b"while", b"break", b"continue", b"abort", b"goto", b"then"];
+    let words: [&[u8]; 21] = [
+        b"if",
+        b"elif",
+        b"else",
+        b"while",
+        b"break",
+        b"continue",
+        b"abort",
+        b"goto",
+        b"then",
+        b"gotob",
+        b"gotoc",
+        b"gotof",
+        b"gotos",
+        b"for",
+        b"loop",
+        b"repeat",
+        b"repeatb",
+        b"until",
+        b"case",
+        b"call",
+        b"extcall",
+    ];
     let is_numbered = |begin: &[u8]| {
         name.strip_prefix(begin).is_some_and(|rest| !rest.is_empty() && rest.iter().all(u8::is_ascii_digit))
     };
     words.contains(&name.as_slice()) || [b"goto".as_slice(), b"do", b"end"].into_iter().any(is_numbered)
 }
 
-/// Frames and transformations of Siemens' controls, in capitals; `A` before a frame's name adds to the one that holds.
+/// Frames and transformations of Siemens' controls, and paths of theirs that are no straight lines, in capitals; `A` before
+/// a frame's name adds to the one that holds.
 fn is_transformation(name: &[u8]) -> bool {
     const FRAMES: [&[u8]; 5] = [b"TRANS", b"ROT", b"ROTS", b"SCALE", b"MIRROR"];
-    const OTHERS: [&[u8]; 11] = [
+    const OTHERS: [&[u8]; 19] = [
+        b"ASPLINE",
+        b"BSPLINE",
+        b"CIP",
         b"CROTS",
+        b"CSPLINE",
+        b"CT",
         b"CYCLE800",
+        b"INVCCW",
+        b"INVCW",
         b"MCALL",
+        b"POLY",
         b"TRAANG",
         b"TRACYL",
         b"TRAFOOF",
@@ -172,7 +202,22 @@ fn is_transformation(name: &[u8]) -> bool {
     ];
     FRAMES.contains(&name)
         || name.strip_prefix(b"A").is_some_and(|rest| FRAMES.contains(&rest))
+        // Okuma's zeros and lengths of tools: `VZOFX[1]=50`.
+        || [&b"VZOF"[..], b"VTOF"].iter().any(|begin| name.starts_with(begin))
         || OTHERS.contains(&name)
+}
+
+/// Whether a line that begins with `$` sets a frame (`$P_UIFR[1,X,TR]=50`: where `G54` is) or the data of a tool
+/// (`$TC_DP3[1,1]=80`: its length), as Siemens' controls have them.
+pub fn sets_frame_or_tool(body: &[u8]) -> bool {
+    let name: Vec<u8> = body
+        .iter()
+        .skip(1)
+        .take_while(|byte| byte.is_ascii_alphanumeric() || **byte == b'_')
+        .map(u8::to_ascii_uppercase)
+        .collect();
+    let has_frame = name.starts_with(b"P_") && name.windows(2).any(|pair| pair == b"FR");
+    has_frame || name.starts_with(b"TC_")
 }
 
 impl Macro {
@@ -251,6 +296,7 @@ mod tests {
         assert_eq!(Code::of(121), Code::TransformOn, "G12.1");
         assert_eq!(Code::of(120), Code::MovesItself, "G12");
         assert_eq!(Code::of(5050), Code::FurtherSystem, "G505");
+        assert_eq!(Code::of(1150), Code::FurtherSystem, "G115 of Haas' controls");
         assert_eq!(Code::of(9999), Code::Unknown);
     }
 
@@ -265,6 +311,9 @@ mod tests {
         assert_eq!(Macro::of(b"GOTO50"), Macro::FlowControl);
         assert_eq!(Macro::of(b"END1"), Macro::FlowControl);
         assert_eq!(Macro::of(b"END_PRINT"), Macro::Unknown);
+        assert_eq!(Macro::of(b"GOTOF"), Macro::FlowControl);
+        assert_eq!(Macro::of(b"BSPLINE"), Macro::Transforms);
+        assert_eq!(Macro::of(b"FORCE_MOVE"), Macro::Unknown);
         assert_eq!(Macro::of(b"restore_gcode_state"), Macro::RestoresState);
         for name in [b"TRANS".as_slice(), b"atrans", b"ROT", b"AMIRROR", b"CYCLE800", b"MCALL"] {
             assert_eq!(Macro::of(name), Macro::Transforms, "{}", String::from_utf8_lossy(name));

@@ -59,10 +59,10 @@ pub enum Place {
 /// What a line that is not rewritten does.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Effects {
-    /// To the program's zero; happens first.
-    pub shift: Shift,
-    /// These axes are somewhere; happens before `place`.
+    /// These axes are somewhere; happens first: what `G92` says of them tells no shift.
     pub forget: Mask,
+    /// To the program's zero; happens before `place`.
+    pub shift: Shift,
     /// To the machine's place.
     pub place: Place,
 }
@@ -109,6 +109,7 @@ impl Frame {
 
     /// Takes over what an untouched line does.
     pub fn apply(&mut self, effects: &Effects) {
+        self.set_position(effects.forget, &Known::NONE);
         match effects.shift {
             Shift::Keep => {}
             Shift::Set { words_mm, system_mm } => {
@@ -121,7 +122,6 @@ impl Frame {
             Shift::Clear(mask) => self.set_shift(mask, Some(0.0)),
             Shift::Lose(mask) => self.set_shift(mask, None),
         }
-        self.set_position(effects.forget, &Known::NONE);
         match effects.place {
             Place::Keep => {}
             Place::Home(mask, at_mm) => self.set_position(mask, &Known::all(at_mm)),

@@ -35,6 +35,10 @@ pub enum Value {
     Expression,
     /// A slicer's placeholder that was never filled in, `{machine_depth}`: no controller knows its value.
     Placeholder,
+    /// `X=AC(5)`, `X=IC(5)`: whether it is a position or an increment it says itself.
+    OwnMode,
+    /// A name between quotes, `T="MILL 10"`, as a number of its own.
+    Name(u64),
 }
 
 /// A letter and what stands behind it.
@@ -54,6 +58,14 @@ impl Word {
         match self.value {
             Value::Number(number) => Some(number),
             _ => None,
+        }
+    }
+
+    /// The tool that a T means, by its number or its name.
+    pub fn tool(&self) -> Option<u64> {
+        match self.value {
+            Value::Name(name) => Some(name),
+            _ => self.number().map(|number| number.to_f64() as u64),
         }
     }
 
@@ -102,6 +114,8 @@ pub struct Line {
     pub has_parameter: bool,
     /// Byte from which nothing could be read.
     pub unreadable: Option<u32>,
+    /// Byte of the first `=` between a letter and its number, `X=150`, as Siemens' controls have it.
+    pub assigned: Option<u32>,
     /// Whether it has a comment that begins with `;`.
     pub has_semicolon: bool,
     /// Whether it has a comment in parentheses.
@@ -141,10 +155,14 @@ impl Line {
         if has_number { blanks(body, behind + 1) } else { behind }
     }
 
-    /// Leaves what stands behind the first word unread.
-    pub fn keep_first(&mut self) {
-        self.words.truncate(1);
-        (self.has_checksum, self.has_parameter, self.unreadable) = (false, false, None);
+    /// Leaves unread what is text to printers behind the first word; `X=5` says nothing to them.
+    pub fn read_as_on_printers(&mut self) {
+        if self.is_text_on_printers {
+            self.words.truncate(1);
+            (self.has_checksum, self.has_parameter, self.unreadable, self.assigned) =
+                (false, false, None, None);
+        }
+        self.unreadable = self.assigned.or(self.unreadable);
     }
 
     fn words(&mut self, body: &[u8], mut at: usize) {
@@ -207,6 +225,16 @@ impl Line {
         }
         let at = blanks(body, directly);
         let (value, end) = match body.get(at) {
+            Some(b'=') if is_assigned(body, start) => {
+                self.assigned = self.assigned.or(Some(at as u32));
+                match assigned(body, blanks(body, at + 1)) {
+                    Some(assigned) => assigned,
+                    None => {
+                        self.give_up(at);
+                        return None;
+                    }
+                }
+            }
             Some(b'0'..=b'9' | b'+' | b'-' | b'.') => match Decimal::parse(&body[at..]) {
                 Some((number, length)) => (Value::Number(number), at + length),
                 None => match body.get(at + 1) {
@@ -286,6 +314,62 @@ impl Line {
     }
 }
 
+/// Whether the letter at `start` may have its value behind `=`: it is none of a longer name (`FZ=0.1` is a feed a tooth,
+/// and no place), and no code.
+fn is_assigned(body: &[u8], start: usize) -> bool {
+    let is_of_name = start > 0 && (body[start - 1].is_ascii_alphabetic() || body[start - 1] == b'_');
+    !is_of_name && !matches!(body[start].to_ascii_uppercase(), b'G' | b'M' | b'N')
+}
+
+/// What stands behind a `=` at `start`, and the place behind it: a plain number, a name between quotes, or what a
+/// controller computes.
+fn assigned(body: &[u8], start: usize) -> Option<(Value, usize)> {
+    if body.get(start) == Some(&b'"') {
+        let length = memchr::memchr(b'"', &body[start + 1..])?;
+        return Some((Value::Name(number_of_name(&body[start + 1..start + 1 + length])), start + length + 2));
+    }
+    if let Some((number, length)) = Decimal::parse(&body[start..]) {
+        let end = start + length;
+        let behind = body.get(blanks(body, end));
+        if !behind.is_some_and(|byte| b"+-*/=".contains(byte)) {
+            return Some((Value::Number(number), end));
+        }
+    }
+    let end = computed_end(body, start)?;
+    let is_mode = [&b"AC("[..], b"IC("].iter().any(|mode| {
+        body.get(start..start + mode.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(mode))
+    });
+    Some((if is_mode { Value::OwnMode } else { Value::Expression }, end))
+}
+
+/// Place behind what is computed from `start` on: it goes to the next blank or comment outside of brackets. None where there
+/// is nothing, or a bracket stays open.
+fn computed_end(body: &[u8], start: usize) -> Option<usize> {
+    let mut depth = 0_i32;
+    let mut at = start;
+    while let Some(&byte) = body.get(at) {
+        match byte {
+            b'(' | b'[' => depth += 1,
+            b')' | b']' => depth -= 1,
+            b' ' | b'\t' | b';' | b'=' if depth == 0 => break,
+            _ => {}
+        }
+        if depth < 0 {
+            return None;
+        }
+        at += 1;
+    }
+    (depth == 0 && at > start).then_some(at)
+}
+
+/// A number that no tool has, of its name (FNV-1a).
+fn number_of_name(name: &[u8]) -> u64 {
+    let hash = name.iter().fold(0xcbf2_9ce4_8422_2325_u64, |hash, &byte| {
+        (hash ^ u64::from(byte.to_ascii_uppercase())).wrapping_mul(0x0100_0000_01b3)
+    });
+    hash | 1 << 63
+}
+
 #[inline]
 fn blanks(body: &[u8], at: usize) -> usize {
     at + body[at..].iter().take_while(|&&byte| byte == b' ' || byte == b'\t').count()
@@ -349,6 +433,8 @@ mod tests {
                 Value::Missing => "-".to_owned(),
                 Value::Expression => "?".to_owned(),
                 Value::Placeholder => "{}".to_owned(),
+                Value::OwnMode => "mode".to_owned(),
+                Value::Name(_) => "name".to_owned(),
             };
             format!("{}={value}", char::from(word.letter))
         });
@@ -368,6 +454,32 @@ mod tests {
         assert_eq!(shown("G1 X{move.axes[0].max}"), "G=1 X=?");
         assert_eq!(shown("X -5 Y+ 3"), "X=-5");
         assert_eq!(shown("G 1 X 10"), "G=1 X=10");
+    }
+
+    #[test]
+    fn values_behind_an_equals_sign() {
+        assert_eq!(shown("G1 X=150 Y = -2.5Z=.5 F=500"), "G=1 X=150 Y=-2.5 Z=0.5 F=500");
+        assert_eq!(shown("N10 X=IC(10) Y=ac(-5) Z=R1*(2+R3) F=$AC_F[1]"), "X=mode Y=mode Z=? F=?");
+        assert_eq!(shown("X=5*3 Y=2+R1 Z=-R2 E=DC(90)"), "X=? Y=? Z=? E=?");
+        assert_eq!(shown("T=\"MILL 10\" D1 ; T=\"X\""), "T=name D=1");
+        assert_eq!(shown("G0X=5Y=7"), "G=0 X=5 Y=7");
+        assert_eq!(lexed("X=5").assigned, Some(1));
+        let names = |text: &str| lexed(text).words[0].tool();
+        assert_eq!(names("T=\"a\""), names("T=\"A\""));
+        assert_ne!(names("T=\"a\""), names("T=\"b\""));
+        assert_eq!((names("T=3"), names("T3.0"), names("T")), (Some(3), Some(3), None));
+        // Longer names, numbered axes, codes, and what is not ended.
+        for (text, at) in [
+            ("G1 FZ=0.1", 5),
+            ("G1 X1=5", 5),
+            ("G1 X=", 4),
+            ("X=IC(5", 1),
+            ("G=1", 1),
+            ("T=\"A", 1),
+            ("X==5", 1),
+        ] {
+            assert_eq!(lexed(text).unreadable, Some(at), "{text}");
+        }
     }
 
     #[test]
@@ -399,7 +511,7 @@ mod tests {
         assert_eq!(shown("M29 S800 G84 X10."), "M=29 S=800 G=84 X=10");
         let mut line = lexed("M0 X (");
         assert!(line.is_text_on_printers && line.unreadable.is_some() && !lexed("M3").is_text_on_printers);
-        line.keep_first();
+        line.read_as_on_printers();
         assert!(line.words.len() == 1 && line.unreadable.is_none());
         assert_eq!(shown("M862.3 P \"MINI\" G1 X1"), "M=862.3");
         assert_eq!(shown("M3 S1000 G0 X5"), "M=3 S=1000 G=0 X=5");

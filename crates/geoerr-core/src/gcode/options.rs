@@ -16,8 +16,9 @@ pub enum OnUnsupported {
 /// Everything the rewriting depends on besides the model and the program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
-    /// From the machine's zero to the program's (`G54`). None takes it for the machine's; where no firmware is named
-    /// either, `G53` is not relied on.
+    /// From the machine's zero to the program's (`G54`). None takes it for the machine's; where the program is no
+    /// printer's either (no firmware is named, and it heats no bed and has no extruder), nothing is relied on that is told
+    /// in machine coordinates: `G53`, and `home_mm` behind `G28`.
     pub work_offset_mm: Option<[f64; 3]>,
     /// Largest distance of the actual from the ideal path.
     pub tolerance_mm: f64,

@@ -19,7 +19,7 @@ pub enum WarningKind {
     Placeholder,
     /// Moves before the position is known.
     PositionUnknown,
-    /// `G53`, where the program's zero is not told.
+    /// `G53`, homing, or another coordinate system, where the program's zero is not told.
     ZeroNotTold,
     /// A rapid in machine coordinates to the end of an axis.
     EndOfAxis,
@@ -80,11 +80,11 @@ impl WarningKind {
             Self::Passed(what) => format!("{what}: passed through untouched"),
             Self::FirmwareCorrects => "the program switches on a correction of the firmware itself: name what it corrects with --firmware-corrects, or it is corrected twice".to_owned(),
             Self::ToolLength => "a tool length, which the program does not tell: it has to be part of --work-offset".to_owned(),
-            Self::ZeroMoves => "moves the program's zero by the firmware's own offset: a shift that matters has to be part of --work-offset".to_owned(),
+            Self::ZeroMoves => "moves the program's zero by the firmware's own offset: a shift that matters has to be part of --work-offset, and moves after it pass through untouched until its axes are given again".to_owned(),
             Self::MayMove => "may move the machine: moves after it pass through untouched until X, Y and Z are all given again".to_owned(),
             Self::Placeholder => "a placeholder that the slicer did not fill in: passed through untouched".to_owned(),
             Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),
-            Self::ZeroNotTold => "machine coordinates, and where the program's zero lies in them is not told: passed through untouched, and so are moves after it until the axes that it names are given again; --work-offset tells it (0,0,0 where it is the machine's)".to_owned(),
+            Self::ZeroNotTold => "a place in machine coordinates (G53, G28 with --home, or one of another coordinate system), and where the program's zero lies in them is not told: nothing is counted from it, and moves after it pass through untouched until the axes are given again; --work-offset tells it (0,0,0 where it is the machine's; of a printer that is so: --firmware)".to_owned(),
             Self::EndOfAxis => "a rapid to the end of an axis, where a correction has no travel: passed through untouched, and so are moves after it until that axis is given again".to_owned(),
             Self::OutsideMeasured => "outside the measured range: the last measured errors are held".to_owned(),
             Self::NotSplit(what) => format!("{what}: it stays whole, corrected at its end alone; {}", what.remedy()),

@@ -78,6 +78,11 @@ pub enum Unsupported {
         /// Number of the edge.
         number: u32,
     },
+    /// Another tool than that of the `D` that holds (Siemens).
+    #[error(
+        "another tool has another length, which changes the machine position by a number the program does not tell"
+    )]
+    LengthOfOtherTool,
     /// A word of an axis that the model does not have.
     #[error("the word {} moves an axis that the model of three axes does not have", char::from(*.letter))]
     ExtraAxis {
@@ -108,12 +113,29 @@ pub enum Unsupported {
     /// `G28` while a `G92` shift holds.
     #[error("some firmwares end the shift of G92 at G28, others keep it")]
     HomingAfterShift,
+    /// `G0 Z0 M91` of Heidenhain's controls.
+    #[error(
+        "M{code} on the line of a move: it counts from the machine's zero, or from another place of the machine's"
+    )]
+    MachinePlaceByM {
+        /// Code.
+        code: u32,
+    },
     /// `G53` under `G91`.
     #[error("machine coordinates (G53) together with increments (G91)")]
     MachineIncrement,
     /// A number that the controller computes.
     #[error("an expression or a parameter, which geoerr does not compute")]
     Expression,
+    /// `X=AC(5)`, `X=IC(5)`.
+    #[error(
+        "{} with AC or IC says by itself whether it is a position or an increment, which geoerr does not follow",
+        char::from(*.letter)
+    )]
+    OwnMode {
+        /// Letter.
+        letter: u8,
+    },
     /// Subprograms, loops, branches.
     #[error("subprograms, loops and branches: geoerr reads a program once, from top to bottom")]
     FlowControl,
@@ -247,7 +269,7 @@ impl Unsupported {
                 "let the CAM compute the path of the cutter's centre, or use --on-unsupported pass"
             }
             Self::InverseTime => "let the CAM write feeds per minute (G94), or use --on-unsupported pass",
-            Self::OtherToolLength { .. } | Self::OtherEdge { .. } => {
+            Self::OtherToolLength { .. } | Self::OtherEdge { .. } | Self::LengthOfOtherTool => {
                 "write one program for each tool and put its length into --work-offset"
             }
             Self::ZeroShift { .. } | Self::BareShift | Self::UnknownSystem { .. } => {
@@ -255,6 +277,10 @@ impl Unsupported {
             }
             Self::HomingAfterShift => "name the firmware: --firmware marlin, klipper or reprapfirmware",
             Self::MachineIncrement => "write G90 before G53",
+            Self::MachinePlaceByM { .. } => {
+                "such a line can only pass through untouched: --on-unsupported pass"
+            }
+            Self::OwnMode { .. } => "write G90 or G91 and a plain number",
             Self::Expression | Self::FlowControl => {
                 "let the CAM write plain numbers and one straight sequence of lines"
             }
@@ -307,6 +333,8 @@ impl Unsupported {
             | Self::Expression
             | Self::RepeatedWord { .. }
             | Self::MissingNumber { .. }
+            | Self::OwnMode { .. }
+            | Self::MachinePlaceByM { .. }
             | Self::OddWord { .. }
             | Self::Unreadable { .. }
             | Self::NoMotionCode
@@ -319,6 +347,7 @@ impl Unsupported {
             Self::ToolPoint { .. }
             | Self::OtherToolLength { .. }
             | Self::OtherEdge { .. }
+            | Self::LengthOfOtherTool
             | Self::ZeroShift { .. }
             | Self::BareShift
             | Self::TwoOwners

@@ -116,7 +116,8 @@ fn plain(word: Option<&Word>) -> Result<Option<f64>, Unsupported> {
     match word.value {
         Value::Number(number) => Ok(Some(number.to_f64())),
         Value::Missing => Err(Unsupported::MissingNumber { letter: word.letter }),
-        Value::Expression | Value::Placeholder => Err(Unsupported::Expression),
+        Value::OwnMode => Err(Unsupported::OwnMode { letter: word.letter }),
+        Value::Expression | Value::Placeholder | Value::Name(_) => Err(Unsupported::Expression),
     }
 }
 

@@ -75,6 +75,18 @@ fn increments_carry_their_rounding() {
 }
 
 #[test]
+fn a_number_behind_an_equals_sign_is_a_number() {
+    let program = "G1 X=100.1 Y = 99.8 Z=5 F=500\nG1 X=200.2\nT1 D1\nG0 X=100.1Y=99.8 Z=6 D1\n";
+    let lines = rewritten(scaled(), options(), program);
+    assert_eq!(lines[..2], ["G1 X100.0000 Y100.0000 Z=5 F=500", "G1 X200.0000"]);
+    assert_eq!(lines[3], "G0 X100.0000Y100.0000 Z=6 D1");
+    // Printers do not have it.
+    let printer = Options { firmware: Some(Firmware::RepRapFirmware), ..options() };
+    let refused = run(scaled(), printer, "G1 X=100.1 Y99.8 Z5\n").unwrap_err();
+    assert!(refused.to_string().contains("column 5"), "{refused}");
+}
+
+#[test]
 fn machine_coordinates_and_the_work_offset() {
     let options = Options { work_offset_mm: Some([100.1, 0.0, 0.0]), ..options() };
     let lines = rewritten(scaled(), options, "G90\nG0 X0 Y0 Z0\nG53 G0 X100.1\nX100.1\nG53 X0 Y99.8\n");

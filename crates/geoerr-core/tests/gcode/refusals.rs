@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 112] = [
+    let cases: [(&str, Unsupported); 147] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -100,10 +100,23 @@ fn every_unsupported_line_has_its_reason() {
         ("G54 P3", Unsupported::UnknownSystem { code10: 541 }),
         ("G40 G54 P3", Unsupported::UnknownSystem { code10: 541 }),
         ("G15 H2", Unsupported::UnknownSystem { code10: 150 }),
+        ("G115", Unsupported::UnknownSystem { code10: 1150 }),
+        ("G113", Unsupported::UnknownSystem { code10: 1130 }),
         // Edges of Siemens' tools.
         ("D1\nD2", Unsupported::OtherEdge { number: 2 }),
         ("T1 D1\nG1 Z5\nD0\nG1 Z6", Unsupported::OtherEdge { number: 0 }),
         ("G43 H1\nG49\nG1 Z5", Unsupported::OtherToolLength { code10: 490 }),
+        // The lengths of Siemens' tools: of one that is changed by T, or put in by M6.
+        ("T1 D1\nG1 Z5\nT2 D1", Unsupported::LengthOfOtherTool),
+        ("T1 D1\nT2 D2", Unsupported::LengthOfOtherTool),
+        ("T1 D1\nT2\nG1 Z5", Unsupported::LengthOfOtherTool),
+        ("T1 M6\nD1\nT2 M6\nG1 Z5", Unsupported::LengthOfOtherTool),
+        ("T1 M6\nD1\nT2\nG1 Z5\nM6\nD1", Unsupported::LengthOfOtherTool),
+        ("D1\nT2 D1", Unsupported::LengthOfOtherTool),
+        ("T=\"MILL 10\" D1\nT=\"MILL 8\"\nD1", Unsupported::LengthOfOtherTool),
+        ("T1 G17 S5000\nT2 G17 S2000", Unsupported::LengthOfOtherTool),
+        ("G17 G54 D1\nG90 D2", Unsupported::OtherEdge { number: 2 }),
+        ("G0 Z5 D1\nG0 G40 Z6 D2", Unsupported::OtherEdge { number: 2 }),
         // Inches to Siemens' and Heidenhain's controls, and a cycle to others.
         ("G70 G90 G54", Unsupported::UnitOrCycle { code10: 700, changes_unit: true }),
         ("G71", Unsupported::UnitOrCycle { code10: 710, changes_unit: false }),
@@ -117,6 +130,16 @@ fn every_unsupported_line_has_its_reason() {
         ("G1 X5 R2", Unsupported::OddWord { letter: b'R' }),
         ("G1 X5 H1", Unsupported::OddWord { letter: b'H' }),
         ("G1 X--5", Unsupported::Unreadable { column: 5 }),
+        // What stands behind = on Siemens' controls.
+        ("G1 X=IC(10)", Unsupported::OwnMode { letter: b'X' }),
+        ("G1 Y=ac(10) F500", Unsupported::OwnMode { letter: b'Y' }),
+        ("G1 X=R1", Unsupported::Expression),
+        ("G1 X=5+3", Unsupported::Expression),
+        ("G1 X=5*3", Unsupported::Expression),
+        ("G1 X=5 X=6", Unsupported::RepeatedWord { letter: b'X' }),
+        // A feed a tooth, and a numbered axis.
+        ("G1 X5 FZ=0.1", Unsupported::Unreadable { column: 9 }),
+        ("G1 X1=5", Unsupported::Unreadable { column: 6 }),
         ("/G1 X5", Unsupported::BlockSkip),
         // One of several switches, or behind the line's number.
         ("/1 G1 X5", Unsupported::BlockSkip),
@@ -134,6 +157,24 @@ fn every_unsupported_line_has_its_reason() {
         ("amirror X0", Unsupported::OtherMeaning),
         ("CYCLE800(1,\"T\")", Unsupported::OtherMeaning),
         ("G107 C50", Unsupported::OtherMeaning),
+        ("$P_UIFR[1,X,TR]=50", Unsupported::OtherMeaning),
+        ("N10 $p_pframe=CTRANS(X,5)", Unsupported::OtherMeaning),
+        ("$TC_DP3[1,1]=80", Unsupported::OtherMeaning),
+        ("BSPLINE X5 Y5", Unsupported::OtherMeaning),
+        ("N90 GOTOF ENDE", Unsupported::FlowControl),
+        ("EXTCALL \"SUB\"", Unsupported::FlowControl),
+        ("REPEAT LABEL1 P=3", Unsupported::FlowControl),
+        ("VZOFX[1]=50", Unsupported::OtherMeaning),
+        // NUM's controls move in machine coordinates, Heidenhain's with M91.
+        ("G0 G52 Z0", Unsupported::ZeroShift { code10: 520 }),
+        ("N40 G00 G40 G90 Z+0 M91", Unsupported::MachinePlaceByM { code: 91 }),
+        ("X5 M92", Unsupported::MachinePlaceByM { code: 92 }),
+        // A code of the machine's maker beside a move.
+        ("M101 X5", Unsupported::AxisWordsOfM { code: 101 }),
+        // LinuxCNC takes the length of the tool in use, and Fanuc that of H alone.
+        ("T1 M6 G43\nG0 Z5\nG43 T2 M6", Unsupported::OtherToolLength { code10: 430 }),
+        ("G43 H1\nG0 Z5\nH2", Unsupported::OtherToolLength { code10: 430 }),
+        ("G43 H1\nG0 Z5\nH0\nG0 Z6", Unsupported::OtherToolLength { code10: 430 }),
         ("G12.1", Unsupported::Transformed { code10: 121 }),
         ("G112", Unsupported::Transformed { code10: 1120 }),
         ("G500", Unsupported::UnknownSystem { code10: 5000 }),
@@ -264,11 +305,30 @@ fn codes_that_do_nothing_here_pass() {
         "T1 D1\nD1\nG1 Z5",
         "G43 H1\nD21\nG1 Z5",
         "D0",
+        "T1 M6 G43\nT2\nG43\nG1 Z5",
+        "G43 H1\nH1\nG1 Z5",
+        "G43 H1 Z5\nG49 H0\nM30",
+        "T1 M6\nD1\nT2\nD1\nG1 Z5",
+        "T1 D1\nT1\nM6\nD1\nG1 Z5",
+        "T1 D1\nT2\nT1 D1\nG1 Z5",
+        "G43 H1\nT1 D1\nT2 D1\nG1 Z5",
+        "G96 D2500 S200\nG97 D1 S300",
+        "T=\"MILL 10\" D1\nT=\"Mill 10\"\nG1 Z5",
         "#HSC ON",
         "#Layer 3",
     ] {
         let outcome = run(scaled(), options(), &format!("{here}{line}\n")).unwrap();
         assert!(!outcome.warning_names().contains(&"may-move"), "{line}");
+    }
+    // An output says nothing of places, and may move all the same; where another nozzle is moves the zero.
+    for (line, warning) in [
+        ("$A_OUT[1]=1", "may-move"),
+        ("M125", "may-move"),
+        ("M140 MB50", "may-move"),
+        ("M218 T1 X20", "zero-moves"),
+    ] {
+        let outcome = run(scaled(), options(), &format!("{here}{line}\n")).unwrap();
+        assert_eq!(outcome.warning_names(), [warning], "{line}");
     }
     // The G0 before G80 holds on.
     let moved = run(scaled(), options(), &format!("{here}G0 G17 G80\nX100.1\n")).unwrap();

@@ -22,8 +22,91 @@ fn homing_forgets_unless_its_place_is_given() {
         rewritten(scaled(), options(), program)[1..],
         ["G28 X", "G1 Y99.8", "G1 X100.0000 Y100.0000 Z0.0000"]
     );
-    let home = Options { home_mm: Some([0.0, 0.0, 10.0]), ..options() };
+    let home = Options { home_mm: Some([0.0, 0.0, 10.0]), work_offset_mm: Some([0.0; 3]), ..options() };
     assert_eq!(rewritten(scaled(), home, program)[2], "G1 Y100.0000 X0.0000 Z0.0000");
+}
+
+#[test]
+fn where_the_program_s_zero_is_not_told_homing_tells_nothing_of_it() {
+    // X and Y that were added behind G28 would count from G54, which may be anywhere.
+    let home = Options { home_mm: Some([0.0, 0.0, 10.0]), ..options() };
+    let program = "G28\nG1 Z5\nG1 X100.1 F600\nG91\nG28 Z0\nG1 X5\n";
+    let outcome = run(scaled(), home.clone(), program).unwrap();
+    assert_eq!(outcome.text(), program);
+    assert_eq!(outcome.warning_names(), ["zero-not-told", "position-unknown"]);
+    assert_eq!((outcome.warnings[0].line, outcome.warnings[0].count), (1, 2));
+    let named = |firmware| Options { firmware: Some(firmware), ..home.clone() };
+    for (options, before) in [
+        (Options { work_offset_mm: Some([0.0; 3]), ..home.clone() }, ""),
+        (named(Firmware::Marlin), ""),
+        (home.clone(), "G10 L2 P1 X0 Y0 Z0\n"),
+        (home.clone(), "G10 L2 P2 X0 Y0 Z0\nG55\n"),
+        // Plainly a printer's, whose zero is the machine's.
+        (home.clone(), "M140 S60\n"),
+        (home.clone(), "M190 T1 R60 ; bed\n"),
+        (home.clone(), "M109 S215 T0\n"),
+        (home.clone(), "G92 E0\n"),
+        (home.clone(), "G1 E-2 F1200\n"),
+    ] {
+        let outcome = run(scaled(), options, &format!("{before}G28\nG1 X100.1\n")).unwrap();
+        assert_eq!(outcome.lines().last(), Some(&"G1 X100.0000 Y0.0000 Z10.0000"), "{before}");
+        assert!(!outcome.warning_names().contains(&"zero-not-told"), "{before}");
+    }
+    // A clamp or a spindle of a machine tool.
+    for before in ["M140", "M109 P2", "M190 X5", "M104 S1500", "M82"] {
+        let passing = Options { on_unsupported: passing().on_unsupported, ..home.clone() };
+        let outcome = run(scaled(), passing, &format!("{before}\nG28\nG1 X100.1\n")).unwrap();
+        assert_eq!(outcome.lines().last(), Some(&"G1 X100.1"), "{before}");
+    }
+}
+
+#[test]
+fn a_place_in_one_coordinate_system_tells_nothing_in_one_whose_zero_is_not_told() {
+    let programs = [
+        "G10 L2 P2 X0 Y0 Z0\nG55\nG0 X100 Y50 Z20\nG54\nG0 X5\n",
+        "G10 L2 P2 X0 Y0 Z0\nG0 X100 Y50 Z20\nG55\nG0 X5\n",
+        "G10 L2 P2 X0 Y0 Z0\nG55\nG53 G0 X100 Y50 Z20\nG54 G0 X5\n",
+        "G0 X100 Y50 Z20\nG10 L2 P1 X0 Y0 Z0\nG0 X5\n",
+        "G0 X100 Y50 Z20\nG55\nG91 G0 Y50\n",
+        // What G92 says of a place that is forgotten tells no shift.
+        "G10 L2 P2 X0 Y0 Z0\nG55\nG0 X100 Y50 Z20\nG54 G92 X0 Y0 Z0\nG0 X5 Y5 Z5\n",
+    ];
+    let last = |options: Options, program: &str| {
+        let outcome = run(skewed(), options, program).unwrap();
+        let said = outcome.warnings.iter().any(|one| one.kind.name() == "zero-not-told");
+        ((*outcome.lines().last().unwrap()).to_owned(), said)
+    };
+    for program in programs {
+        let as_it_was = program.lines().last().unwrap().to_owned();
+        assert_eq!(last(passing(), program), (as_it_was.clone(), true), "{program}");
+        let told = Options { work_offset_mm: Some([0.0; 3]), ..passing() };
+        let (line, said) = last(told, program);
+        assert!(!said && line != as_it_was, "{program}");
+    }
+    // All three words tell the place again.
+    let outcome = run(scaled(), options(), &format!("{}G0 X100.1 Y0 Z0\nG0 X200.2\n", programs[0])).unwrap();
+    assert_eq!(outcome.lines().last(), Some(&"G0 X200.0000"));
+}
+
+#[test]
+fn an_axis_that_rests_is_not_moved_by_an_offset_of_the_firmware() {
+    let behind = |line: &str| {
+        rewritten(scaled(), options(), &format!("G1 X100.1 Y0 Z0\n{line}\nG1 Y99.8\n"))[2].clone()
+    };
+    for line in ["M206 X5", "M428", "SET_GCODE_OFFSET X=5", "set_gcode_offset x_adjust=5 MOVE=0"] {
+        assert_eq!(behind(line), "G1 Y99.8", "{line}");
+    }
+    for line in ["M206", "M290 X.1", "SET_GCODE_OFFSET X=5 MOVE=1", "SET_GCODE_OFFSET E=5"] {
+        assert_eq!(behind(line), "G1 Y100.0000", "{line}");
+    }
+}
+
+#[test]
+fn what_a_line_forgets_it_forgets_before_g92() {
+    for line in ["M6 G92 X0", "G92 X0 M6"] {
+        let program = format!("G1 X100.1 Y0 Z0\n{line}\nG1 X100.1 Y0 Z0\n");
+        assert_eq!(rewritten(scaled(), options(), &program)[2], "G1 X100.1 Y0 Z0", "{line}");
+    }
 }
 
 #[test]
@@ -53,7 +136,8 @@ fn homing_after_a_shift_is_asked_about() {
 #[test]
 fn coordinate_systems_that_the_program_sets() {
     let program = "G10 L2 P2 X100.1 Y0 Z0\nG55 G90\nG0 X0 Y0 Z0\nG54\nG0 X100.1\nG10 L2 P1 X200.2\nG0 X0\n";
-    let lines = rewritten(scaled(), options(), program);
+    let told = Options { work_offset_mm: Some([0.0; 3]), ..options() };
+    let lines = rewritten(scaled(), told, program);
     assert_eq!(lines[2], "G0 X-0.1000 Y0 Z0");
     assert_eq!(lines[4], "G0 X100.0000");
     assert_eq!(lines[6], "G0 X-0.2000");

@@ -5,7 +5,7 @@ mod moves;
 mod owned;
 mod saved;
 
-use super::codes::{Code, Macro};
+use super::codes::{Code, Macro, sets_frame_or_tool};
 use super::course::{Course, Extremes, Past};
 use super::error::GcodeError;
 use super::extrusion::{Extrusion, Firmware, Share};
@@ -81,11 +81,13 @@ struct Modes {
     transformed: Option<u32>,
     /// Number of the tool length (`H`; None = without number) once `G43` has been met.
     tool_length: Option<Option<u64>>,
-    /// Number of the tool's edge (Siemens' `D`) once one has been met.
-    tool_edge: Option<u32>,
+    /// Number of the tool's edge (Siemens' `D`) once one has been met, and the tool whose edge it is.
+    tool_edge: Option<(u32, Option<u64>)>,
     /// Which code has ended the tool length that the zero has in it: no axis word means what it did.
     lost_length: Option<Unsupported>,
     tool: Option<u64>,
+    /// The tool that the last `M6` put in; None before any: then `T` changes the tool.
+    changed_tool: Option<Option<u64>>,
     has_saved_place: bool,
     /// Axes that `G92` has shifted.
     shifted: Mask,
@@ -94,6 +96,9 @@ struct Modes {
     system: usize,
     /// Axes of which it is told where the zero of `G54` is; of the others it is taken for the machine's.
     zero_is_told: Mask,
+    /// Whether the program is plainly a printer's, whose zero is the machine's: it heats a bed or waits for a nozzle, or
+    /// has an extruder.
+    is_printers: bool,
 }
 
 /// `M220` of printers: what all feeds are multiplied by; None where the program does not tell it.
@@ -192,12 +197,13 @@ impl Reader {
                 tool_edge: None,
                 lost_length: None,
                 tool: None,
+                changed_tool: None,
                 has_saved_place: false,
                 shifted: [false; 3],
                 systems_mm,
                 system: 0,
-                // Printers count from the machine's zero, if nothing else is said.
-                zero_is_told: [options.firmware.is_some() || options.work_offset_mm.is_some(); 3],
+                zero_is_told: [options.work_offset_mm.is_some(); 3],
+                is_printers: options.firmware.is_some(),
             },
             inside_mm: std::array::from_fn(|axis| {
                 let ((low_mm, high_mm), (from_mm, to_mm)) =
@@ -243,8 +249,8 @@ impl Reader {
         }
         let mut line = std::mem::take(&mut self.line);
         line.lex(body);
-        if line.is_text_on_printers && self.options.firmware.is_some() {
-            line.keep_first();
+        if self.options.firmware.is_some() {
+            line.read_as_on_printers();
         }
         self.has_semicolon |= line.has_semicolon;
         self.has_parenthesis |= line.has_parenthesis;
@@ -397,7 +403,10 @@ impl Reader {
             Macro::FlowControl => return Err(Unsupported::FlowControl),
             Macro::Transforms => return Err(Unsupported::OtherMeaning),
             Macro::FirmwareCorrection => self.firmware_corrects(body),
-            Macro::MovesZero => self.warn(WarningKind::ZeroMoves, body),
+            Macro::MovesZero => {
+                self.warn(WarningKind::ZeroMoves, body);
+                effects.forget = owned::offset_later(body);
+            }
             Macro::SavesState => self.save_named(body),
             Macro::RestoresState => effects = self.restore_named(body)?,
             Macro::OtherExtruder => {
@@ -415,6 +424,13 @@ impl Reader {
 
     fn words_line(&mut self, line: &Line, words: &Words, body: &[u8]) -> Result<Step, Unsupported> {
         let Some(first) = line.words.first() else {
+            if let Some(text) = line.unreadable.map(|at| &body[at as usize..])
+                && text.starts_with(b"$")
+                && self.options.firmware.is_none()
+                && sets_frame_or_tool(text)
+            {
+                return Err(Unsupported::OtherMeaning);
+            }
             // The number of a block of Heidenhain's plain text: words with another meaning follow.
             return match line.unreadable {
                 Some(at) if body[at as usize].is_ascii_digit() => {
@@ -439,7 +455,7 @@ impl Reader {
             if first.code10() == Some(2200) {
                 self.override_feed(line);
             }
-            return self.owned_by_m(first.code10(), words, body);
+            return self.owned_by_m(first.code10(), line, words, body);
         }
         if line.has_parameter {
             return Err(Unsupported::Expression);
@@ -451,22 +467,26 @@ impl Reader {
             });
             return Err(if only_moves { Unsupported::BlockSkip } else { Unsupported::BlockSkipOfMode });
         }
+        self.tools(line, body);
         for word in &line.words {
             match word.letter {
                 b'G' => match word.code10() {
                     Some(code10) => self.code(code10, words, body),
                     None => self.asked.refuse(Unsupported::UnknownCode { code10: u32::MAX }),
                 },
-                b'M' => self.m_word(word.code10()),
-                b'T' => self.tool(word.number().map(|number| number.to_f64() as u64), body),
+                b'M' => self.m_word(word.code10(), words),
                 _ => {}
             }
         }
         self.other_controls(line, words, body);
         if self.asked.owner.is_none()
-            && let Some(feed) = words.feed.and_then(|word| word.number())
+            && let Some(word) = words.feed
         {
-            self.modes.take_feed(feed.to_f64());
+            match word.number() {
+                Some(feed) => self.modes.take_feed(feed.to_f64()),
+                // What the controller computes is not known here.
+                None => self.modes.feed_mm_min = None,
+            }
         }
         let moves = words.has_motion();
         if let Some((code, code10)) = self.asked.owner {
@@ -535,6 +555,7 @@ impl Reader {
         match after {
             After::AtItsEnd => {
                 let words_mm = words.axes_mm(unit_mm(self.modes.is_inch));
+                let is_lost_in_machine = self.asked.in_machine_coordinates && !self.zero_is_told();
                 if let (Ok(_), Some(number)) = (words_mm, words.extruder.and_then(|word| word.number())) {
                     self.extrude(number, body);
                 }
@@ -542,7 +563,7 @@ impl Reader {
                     Ok(words_mm) if words.has_axes() => {
                         self.summary.moves_in += 1;
                         self.summary.moves_out += 1;
-                        if self.asked.in_machine_coordinates && !self.zero_is_told() {
+                        if is_lost_in_machine {
                             effects.forget = either(effects.forget, words_mm.mask());
                         } else {
                             effects.place = Place::Move(self.motion_of(words_mm));

@@ -4,13 +4,18 @@ use super::{Modes, Reader};
 use crate::gcode::codes::Code;
 use crate::gcode::extrusion::Firmware;
 use crate::gcode::frame::ALL;
-use crate::gcode::lexer::Line;
+use crate::gcode::lexer::{Line, Word};
 use crate::gcode::options::unit_mm;
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::{After, Unsupported};
 use crate::gcode::words::Words;
 
 impl Modes {
+    /// The tool that M6 put in, or T named where the program has no M6.
+    fn tool_in_use(&self) -> Option<u64> {
+        self.changed_tool.unwrap_or(self.tool)
+    }
+
     /// An F word. `F0` leaves a printer's feed as it was; other controllers do not run it.
     pub(super) fn take_feed(&mut self, number: f64) {
         if number > 0.0 {
@@ -42,6 +47,8 @@ impl Reader {
         let code = match Code::of(code10) {
             // Fanuc's G50 with axis words sets the zero.
             Code::TransformOff if words.has_axes() && code10 == 500 => Code::Unknown,
+            // Haas' controls have a coordinate system of that number, where it does not end G112.
+            Code::TransformOff if code10 == 1130 && modes.transformed != Some(1120) => Code::FurtherSystem,
             // Of Prusa's Marlin it measures the bed.
             Code::NoMotion if self.options.firmware == Some(Firmware::Marlin) => Code::MovesItself,
             // The cycles of lathes say which blocks they repeat, those of mills where their holes are.
@@ -99,12 +106,12 @@ impl Reader {
             }
             Code::MachineCoordinates => asked.in_machine_coordinates = true,
             Code::System(system) => {
-                modes.system = system;
                 if modes.systems_mm[system].whole().is_none() {
                     asked.refuse(Unsupported::UnknownSystem { code10 });
                 }
+                self.select_system(system, body);
             }
-            Code::FurtherSystem => self.further_system(code10),
+            Code::FurtherSystem => self.further_system(code10, body),
             Code::CompensationOff => {
                 modes.compensation = None;
                 asked.takes_parameters = true;
@@ -118,7 +125,9 @@ impl Reader {
                 asked.takes_parameters = true;
                 asked.length_code = Some(code10);
                 modes.lost_length = None;
-                let number = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64);
+                // Without H it is that of the tool in use (LinuxCNC).
+                let told = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64);
+                let number = told.or(modes.tool_in_use());
                 let old = modes.tool_length.replace(number);
                 if old.is_some_and(|old| old != number) {
                     asked.refuse(Unsupported::OtherToolLength { code10 });
@@ -127,6 +136,7 @@ impl Reader {
                 }
             }
             Code::ToolLengthOff => {
+                asked.length_code = Some(code10);
                 if modes.tool_length.is_some() {
                     modes.lost_length = Some(Unsupported::OtherToolLength { code10 });
                 }
@@ -183,45 +193,102 @@ impl Reader {
         let is_unclaimed = self.asked.owner.is_none();
         // Fanuc's and GSK's G54.1 with another number; of G64 P is a tolerance.
         if words.p.is_some() && is_unclaimed && has(540) && !has(640) {
-            self.further_system(541);
+            self.further_system(541, body);
         }
         // Okuma's work zeros.
         if words.h.is_some() && is_unclaimed && has(150) && self.asked.length_code.is_none() {
-            self.further_system(150);
+            self.further_system(150, body);
         }
+        if self.options.firmware.is_some() {
+            return;
+        }
+        if self.modes.tool_length.is_some() {
+            // Where the program has G43, D is a radius.
+            if is_unclaimed && !has(150) && self.asked.length_code.is_none() {
+                self.length_by_h(words);
+            }
+            return;
+        }
+        self.lose_length_of_another_tool();
         let edge = line.words.iter().rev().find(|word| word.letter == b'D').and_then(|word| word.number());
         if let Some(edge) = edge
-            && self.options.firmware.is_none()
-            && line.words.iter().all(|word| matches!(word.letter, b'D' | b'F' | b'M' | b'S' | b'T'))
+            && is_unclaimed
+            && line.words.iter().all(leaves_d_to_the_tool)
         {
+            self.asked.takes_parameters = true;
             self.tool_edge(edge.to_f64() as u32, body);
+        } else if edge.is_none() && calls_tool(line) {
+            self.tool_edge(1, body);
+        }
+    }
+
+    /// `H2` alone, which takes another length while `G43` holds, and `H0`, which takes none (Fanuc).
+    fn length_by_h(&mut self, words: &Words) {
+        let Some(number) = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64) else {
+            return;
+        };
+        let what = Unsupported::OtherToolLength { code10: 430 };
+        if self.modes.tool_length == Some(Some(number)) {
+            return;
+        }
+        if number == 0 {
+            self.modes.lost_length = Some(what);
+        } else {
+            self.modes.tool_length = Some(Some(number));
+            self.asked.refuse(what);
+        }
+    }
+
+    /// Another tool than that of the `D` that holds comes with a length of its own, of its first edge where no D is told.
+    fn lose_length_of_another_tool(&mut self) {
+        if self.modes.tool_edge.is_some_and(|(_, of)| of != self.modes.tool_in_use()) {
+            self.modes.lost_length = Some(Unsupported::LengthOfOtherTool);
         }
     }
 
     /// A coordinate system of which no program says where it is.
-    fn further_system(&mut self, code10: u32) {
-        self.modes.system = 6;
+    fn further_system(&mut self, code10: u32, body: &[u8]) {
         self.asked.refuse(Unsupported::UnknownSystem { code10 });
+        self.select_system(6, body);
     }
 
-    /// `D2` of Siemens' controls, which takes the length of the tool's second edge; where the program has `G43`, D is a
-    /// radius.
-    fn tool_edge(&mut self, number: u32, body: &[u8]) {
-        let modes = &mut self.modes;
-        if modes.tool_length.is_some() {
-            return;
+    /// Counts from another zero. Places that were counted from one that is told say nothing in one that is only thought,
+    /// nor the other way round.
+    fn select_system(&mut self, system: usize, body: &[u8]) {
+        let was_told = self.zero_is_told();
+        self.modes.system = system;
+        if self.zero_is_told() != was_told {
+            self.asked.forget = ALL;
+            self.warn_of_zero(body);
         }
+    }
+
+    /// Says that places are forgotten, where there are any.
+    pub(super) fn warn_of_zero(&mut self, body: &[u8]) {
+        if !self.frame.position_mm.is_none() {
+            self.warn(WarningKind::ZeroNotTold, body);
+        }
+    }
+
+    /// `D2` of Siemens' controls, which takes the length of the tool's second edge.
+    fn tool_edge(&mut self, number: u32, body: &[u8]) {
+        let tool = self.modes.tool_in_use();
+        let modes = &mut self.modes;
         match modes.tool_edge {
             None if number == 0 => {}
             None => {
-                modes.tool_edge = Some(number);
+                modes.tool_edge = Some((number, tool));
                 self.first_tool_length(body);
             }
             Some(_) if number == 0 => modes.lost_length = Some(Unsupported::OtherEdge { number }),
-            Some(old) if old == number => modes.lost_length = None,
-            Some(_) => {
-                (modes.tool_edge, modes.lost_length) = (Some(number), None);
-                self.asked.refuse(Unsupported::OtherEdge { number });
+            Some(old) if old == (number, tool) => modes.lost_length = None,
+            Some((_, of)) => {
+                (modes.tool_edge, modes.lost_length) = (Some((number, tool)), None);
+                self.asked.refuse(if of == tool {
+                    Unsupported::OtherEdge { number }
+                } else {
+                    Unsupported::LengthOfOtherTool
+                });
             }
         }
     }
@@ -233,8 +300,11 @@ impl Reader {
     }
 
     /// An M word among others.
-    pub(super) fn m_word(&mut self, code10: Option<u32>) {
+    pub(super) fn m_word(&mut self, code10: Option<u32>, words: &Words) {
         match code10 {
+            Some(code10 @ (910 | 920)) if words.has_axes() && self.options.firmware.is_none() => {
+                self.asked.refuse(Unsupported::MachinePlaceByM { code: code10 / 10 });
+            }
             Some(60) => self.asked.forget = ALL,
             Some(820) => self.extrusion.set_extruder_relative(false),
             Some(830) => self.extrusion.set_extruder_relative(true),
@@ -248,7 +318,17 @@ impl Reader {
         }
     }
 
-    pub(super) fn tool(&mut self, number: Option<u64>, body: &[u8]) {
+    /// Takes over which tool a line names, and whether it is put in: what its other words mean may follow from that.
+    pub(super) fn tools(&mut self, line: &Line, body: &[u8]) {
+        for word in line.words.iter().filter(|word| word.letter == b'T') {
+            self.tool(word.tool(), body);
+        }
+        if line.words.iter().any(|word| word.letter == b'M' && word.code10() == Some(60)) {
+            self.modes.changed_tool = Some(self.modes.tool);
+        }
+    }
+
+    fn tool(&mut self, number: Option<u64>, body: &[u8]) {
         let old = self.modes.tool;
         self.modes.tool = number.or(old);
         // Programs begin with the tool 0, if they name none.
@@ -259,4 +339,35 @@ impl Reader {
             self.warn(WarningKind::OtherTool, body);
         }
     }
+}
+
+/// Whether a D on the line of this word may be a tool's edge: it is none of a code of its own, such as a radius (`G41`), a
+/// tolerance (`G64`) or a largest speed (`G96`).
+fn leaves_d_to_the_tool(word: &Word) -> bool {
+    if word.letter != b'G' {
+        return matches!(word.letter, b'D' | b'F' | b'M' | b'S' | b'T' | b'X' | b'Y' | b'Z');
+    }
+    word.code10().map(Code::of).is_some_and(|code| {
+        matches!(
+            code,
+            Code::Straight
+                | Code::NoMotion
+                | Code::Unit { .. }
+                | Code::UnitOrCycle
+                | Code::Distance { .. }
+                | Code::MachineCoordinates
+                | Code::System(_)
+                | Code::FurtherSystem
+                | Code::CompensationOff
+                | Code::FeedRate
+        )
+    }) || matches!(word.code10(), Some(170 | 180 | 190))
+}
+
+/// Whether a line calls a tool with its length, `T2 G17 S3000` of Heidenhain's controls.
+fn calls_tool(line: &Line) -> bool {
+    let has = |letter: u8| line.words.iter().any(|word| word.letter == letter && word.number().is_some());
+    let is_plane = |word: &Word| word.letter == b'G' && matches!(word.code10(), Some(170 | 180 | 190));
+    let is_of_call = |word: &Word| is_plane(word) || matches!(word.letter, b'F' | b'S' | b'T');
+    has(b'T') && has(b'S') && line.words.iter().any(is_plane) && line.words.iter().all(is_of_call)
 }

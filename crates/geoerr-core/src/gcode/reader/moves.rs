@@ -111,8 +111,11 @@ impl Reader {
     }
 
     /// Whether it is told where the program's zero is in machine coordinates, or known that nobody knows.
+    ///
+    /// Printers count from the machine's zero, if nothing else is said.
     pub(super) fn zero_is_told(&self) -> bool {
-        self.modes.system != 0 || self.modes.zero_is_told == ALL
+        let modes = &self.modes;
+        modes.system != 0 || modes.is_printers || modes.zero_is_told == ALL
     }
 
     /// A move in machine coordinates as it is; behind it the axes that are left are somewhere.
@@ -246,6 +249,7 @@ impl Reader {
     /// Moves the extruder by the line's `E`.
     #[inline(always)]
     pub(super) fn extrude(&mut self, number: Decimal, body: &[u8]) -> (Share, i128) {
+        self.modes.is_printers = true;
         let (share, extrusion) = self.extrusion.advance(number);
         if matches!(share, Share::Unclear) && !number.is_cut {
             self.warn(WarningKind::ExtrusionUnclear, body);

@@ -2,7 +2,7 @@
 
 use super::Reader;
 use crate::gcode::codes::Code;
-use crate::gcode::frame::{ALL, Effects, Place, Shift, either};
+use crate::gcode::frame::{ALL, Effects, Mask, Place, Shift, either};
 use crate::gcode::lexer::{Line, Value, Word};
 use crate::gcode::options::unit_mm;
 use crate::gcode::reader::Step;
@@ -15,6 +15,7 @@ impl Reader {
     pub(super) fn owned_by_m(
         &mut self,
         code10: Option<u32>,
+        line: &Line,
         words: &Words,
         body: &[u8],
     ) -> Result<Step, Unsupported> {
@@ -31,6 +32,10 @@ impl Reader {
         match code {
             Some(82) => self.extrusion.set_extruder_relative(false),
             Some(83) => self.extrusion.set_extruder_relative(true),
+            // A bed is heated, or a nozzle waited for: machine tools have no words of temperatures behind these.
+            Some(109 | 140 | 190) if has_temperature(line) => self.modes.is_printers = true,
+            // Heidenhain's controls draw the tool back from the contour: `M140 MB50`.
+            Some(140) if line.words.iter().any(|word| word.letter == b'B') => effects = self.may_move(body),
             Some(97 | 98 | 99 | 198 | 808) => return Err(Unsupported::FlowControl),
             Some(code @ (70 | 72 | 120 | 121)) => self.saved_by_m(code)?,
             // A branch of a printer: whether its lines run is decided there.
@@ -38,12 +43,22 @@ impl Reader {
                 self.branched_by_m(code)?;
                 effects = self.may_move(body);
             }
-            Some(206 | 290 | 428) => self.warn(WarningKind::ZeroMoves, body),
+            Some(code @ (206 | 290 | 428)) => {
+                self.warn(WarningKind::ZeroMoves, body);
+                effects.forget = match code {
+                    206 => words.axes.map(|word| word.is_some()),
+                    428 => ALL,
+                    // It moves the axes at once: words mean where they are.
+                    _ => effects.forget,
+                };
+            }
+            // Where another nozzle is beside the first.
+            Some(218) if words.has_axes() => self.warn(WarningKind::ZeroMoves, body),
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
             // Steps a millimetre, and scales: what an axis is too long or too short by.
             Some(92 | 579) if words.has_axes() => self.firmware_corrects(body),
-            // Marlin's repeatability test of the probe, other controls' overrides.
-            Some(48) => effects = self.may_move(body),
+            // Marlin's repeatability test of the probe, other controls' overrides; its parking.
+            Some(48 | 125) => effects = self.may_move(body),
             _ => {}
         }
         Ok(Step::pass(effects))
@@ -76,10 +91,12 @@ impl Reader {
         }
         let is_unreadable = line.unreadable.map(|at| Unsupported::Unreadable { column: at + 1 });
         match code {
-            Code::Home => is_unreadable.map_or(Ok(()), Err).and_then(|()| self.home(words, &mut effects))?,
+            Code::Home => {
+                is_unreadable.map_or(Ok(()), Err).and_then(|()| self.home(words, &mut effects, body))?
+            }
             // A zero whose numbers cannot be read is lost.
             _ if is_unreadable.is_some() => return Err(Unsupported::ZeroShift { code10 }),
-            Code::Settings => self.settings(words, body)?,
+            Code::Settings => self.settings(words, &mut effects, body)?,
             _ => self.set_shift(line, words, &mut effects)?,
         }
         Ok(effects)
@@ -89,7 +106,10 @@ impl Reader {
     fn leaves_zero(&self, code10: u32, line: &Line, words: &Words) -> bool {
         let is_zero = |word: &Word| word.number().is_some_and(|number| number.to_f64() == 0.0);
         let ends_it = match code10 {
-            520 => words.has_axes() && words.axes.iter().flatten().all(is_zero),
+            // With a motion code NUM's controls move by it, in machine coordinates.
+            520 => {
+                !self.asked.has_motion_code && words.has_axes() && words.axes.iter().flatten().all(is_zero)
+            }
             921 | 922 => !words.has_axes(),
             _ => false,
         };
@@ -97,7 +117,7 @@ impl Reader {
     }
 
     /// `G10`.
-    fn settings(&mut self, words: &Words, body: &[u8]) -> Result<(), Unsupported> {
+    fn settings(&mut self, words: &Words, effects: &mut Effects, body: &[u8]) -> Result<(), Unsupported> {
         let refuse = Err(Unsupported::ZeroShift { code10: 100 });
         let kind = words.l.map(|word| word.code10());
         match kind {
@@ -119,7 +139,7 @@ impl Reader {
                 let system_mm = &mut self.modes.systems_mm[system];
                 *system_mm = system_mm.updated(&offset_mm);
                 if system == 0 {
-                    self.modes.zero_is_told = either(self.modes.zero_is_told, offset_mm.mask());
+                    self.tell_zero(offset_mm.mask(), effects, body);
                 }
                 Ok(())
             }
@@ -132,8 +152,20 @@ impl Reader {
         }
     }
 
+    /// Takes over that the program has told where the zero of `G54` is: places that were counted from another one, which
+    /// was only thought, are none of the machine's.
+    fn tell_zero(&mut self, axes: Mask, effects: &mut Effects, body: &[u8]) {
+        let was_told = self.zero_is_told();
+        let told = either(self.modes.zero_is_told, axes);
+        if !was_told && told != self.modes.zero_is_told {
+            effects.forget = ALL;
+            self.warn_of_zero(body);
+        }
+        self.modes.zero_is_told = told;
+    }
+
     /// `G28`.
-    fn home(&mut self, words: &Words, effects: &mut Effects) -> Result<(), Unsupported> {
+    fn home(&mut self, words: &Words, effects: &mut Effects, body: &[u8]) -> Result<(), Unsupported> {
         let mask = if words.has_axes() { words.axes.map(|word| word.is_some()) } else { ALL };
         if (0..3).any(|axis| mask[axis] && self.modes.shifted[axis]) {
             if self.options.firmware.is_none() {
@@ -144,8 +176,14 @@ impl Reader {
         }
         // Marlin's `O`: only where it is not at home already.
         match self.options.home_mm.filter(|_| words.odd != Some(b'O')) {
-            Some(home_mm) => effects.place = Place::Home(mask, home_mm),
-            None => effects.forget = mask,
+            Some(home_mm) if self.zero_is_told() => effects.place = Place::Home(mask, home_mm),
+            home_mm => {
+                effects.forget = mask;
+                if home_mm.is_some() {
+                    // Words that were added behind it would count from another zero than is thought.
+                    self.warn(WarningKind::ZeroNotTold, body);
+                }
+            }
         }
         Ok(())
     }
@@ -158,6 +196,7 @@ impl Reader {
         let unit_mm = unit_mm(self.modes.is_inch);
         let words_mm = words.axes_mm(unit_mm).map_err(|_| Unsupported::ZeroShift { code10: 920 })?;
         if let Some(number) = words.extruder.and_then(|word| word.number()) {
+            self.modes.is_printers = true;
             self.extrusion.set_position(number);
         }
         if words.has_axes() {
@@ -168,8 +207,25 @@ impl Reader {
     }
 }
 
-/// Whether an M code may stand before a move of a machine tool: those of printers that take axis words have other numbers,
-/// but for these.
+/// Axes of which `SET_GCODE_OFFSET X=5` moves the zero without moving them: a word that was added behind it would.
+pub(super) fn offset_later(body: &[u8]) -> Mask {
+    let upper = body.to_ascii_uppercase();
+    let has = |begin: &[u8]| upper.split(u8::is_ascii_whitespace).any(|word| word.starts_with(begin));
+    let is_moved = has(b"MOVE=") && !has(b"MOVE=0");
+    let is_named = |letter: u8| has(&[letter, b'=']) || has(&[&[letter], &b"_ADJUST="[..]].concat());
+    [b'X', b'Y', b'Z'].map(|letter| !is_moved && is_named(letter))
+}
+
+/// Whether a line has the words of a heater, and no others.
+fn has_temperature(line: &Line) -> bool {
+    let is_told = |word: &Word| matches!(word.letter, b'S' | b'R') && word.number().is_some();
+    let others = line.words.iter().skip(1);
+    others.clone().any(is_told)
+        && others.clone().all(|word| matches!(word.letter, b'H' | b'P' | b'R' | b'S' | b'T'))
+}
+
+/// Whether an M code may stand before a move of a machine tool, whose makers number their own up to 199: those of printers
+/// that take axis words have other numbers, but for these.
 fn may_be_of_a_machine_tool(code: u32) -> bool {
-    code < 100 && !matches!(code, 17 | 18 | 25 | 48 | 84 | 92)
+    code < 200 && !matches!(code, 17 | 18 | 25 | 48 | 84 | 92 | 122 | 125)
 }
