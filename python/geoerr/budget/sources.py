@@ -233,12 +233,13 @@ def _misfit(size_um: float | None, p_value: float | None, dof: float, n_componen
 
 def _between_places_of_record(record: FitRecord) -> Source | str:
     figures = record.figures
-    if PLACES_LEFT_OUT not in figures:
+    n_places = figures.get(PLACES_LEFT_OUT, math.nan)
+    if math.isnan(n_places):
         return (
             "between the places that were measured: the model file does not hold how far off the model may be there"
         )
     std_um = np.array([figures.get(name, math.nan) for name in BETWEEN_PLACES])
-    return _between_places(None if np.isnan(std_um).any() else std_um, int(figures[PLACES_LEFT_OUT]))
+    return _between_places(None if np.isnan(std_um).any() else std_um, int(n_places))
 
 
 def _between_places(std_um: Numbers | None, n_places: int) -> Source | str:
@@ -248,8 +249,8 @@ def _between_places(std_um: Numbers | None, n_places: int) -> Source | str:
     """
     if std_um is None:
         return (
-            "between the places that were measured: no axis was measured at places that were come to again, so that "
-            "none of them can be left out to see how far off the model is there"
+            "between the places that were measured: no axis has places that were come to again and that the others "
+            "tell to within what a row scatters, so that none can be left out to see how far off the model is there"
         )
     if not std_um.any():
         return "between the places that were measured: places that are left out are missed by no more than chance"

@@ -29,7 +29,7 @@ from geoerr.diagnose.sizes import chance_between_runs, chance_within_runs, means
 from geoerr.diagnose.trends import bins_of, trend_of, variables_of
 from geoerr.fit import Fitted
 from geoerr.fit.lengths import told_in_base_axes
-from geoerr.fit.sightings import Numbers
+from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.machine import AXES
 from geoerr.observations import PIXELS
 
@@ -162,8 +162,11 @@ class _Off:
         Offsets of runs let the measuring frame lean, and runs along the lean would be wider than others.
         """
         run = np.unique(runs.number, return_inverse=True)[1]
-        span_mm = np.maximum(np.ptp(at_mm, axis=0), 1e-300)
-        columns = np.column_stack([np.eye(int(number.max()) + 1)[number], (at_mm - at_mm.mean(axis=0)) / span_mm])
+        span_mm = np.ptp(at_mm, axis=0)
+        # Of an axis that stands still only rounding would be left.
+        moved = span_mm > SAME_POSITION_MM
+        lean = (at_mm - at_mm.mean(axis=0))[:, moved] / span_mm[moved]
+        columns = np.column_stack([np.eye(int(number.max()) + 1)[number], lean])
         within = columns - means_of_runs(columns, run)[run]
         solve = np.linalg.pinv(within.T @ within, rcond=_DEPENDENT, hermitian=True)
         off_runs = values_um - means_of_runs(values_um[:, None], run)[run, 0]

@@ -21,6 +21,7 @@ from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.solve import Solved
 from geoerr.fit.split import Split, split_of
 from geoerr.fit.undetermined import Undetermined
+from geoerr.fit.worked_out import KeepsWorkedOut
 from geoerr.machine import Machine
 from geoerr.model.compile import Compiled
 from geoerr.terms import Term
@@ -54,7 +55,7 @@ class BegunSums:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Fitted(KeepsWorkedOut):
     """A fit with everything that can be asked of it; arrays are in the order of `sightings`.
 
     Attributes

@@ -7,22 +7,22 @@ measured has a row of zeros, and so takes no part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import polars as pl
 
+from geoerr.fit.worked_out import KeepsWorkedOut
 from geoerr.observations import CARRIERS, SAME_PLACE_MM
 from geoerr.summaries import counted
 from geoerr.terms import is_column, session_numbers
 
 Numbers = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-T = TypeVar("T")
 
 _BY_ROW = (
     *("commanded_mm", "offset_mm", "measured_mm", "is_measured", "whitening"),
@@ -58,7 +58,7 @@ SAME_POSITION_MM = SAME_PLACE_MM
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class Sightings(KeepsWorkedOut):
     """Measured rows, sessions one after the other, each in the order of measurement.
 
     Attributes
@@ -116,7 +116,6 @@ class Sightings:
     left_out: dict[str, int]
     notes: tuple[str, ...]
     derived: Mapping[str, Numbers] = field(default_factory=dict)
-    _worked_out: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of_one_number(
@@ -212,13 +211,6 @@ class Sightings:
         keys = np.column_stack([self.session, self.source_row])
         _, number = np.unique(keys, axis=0, return_inverse=True)
         return np.where(self.of_kind("lengths"), number.ravel(), -1).astype(np.int64)
-
-    def once(self, name: str, work_out: Callable[[Sightings], T]) -> T:
-        """Give what follows from these rows alone, worked out when it is first asked for."""
-        if name not in self._worked_out:
-            self._worked_out[name] = work_out(self)
-        found: T = self._worked_out[name]
-        return found
 
     def select(self, mask: npt.ArrayLike, why: str) -> Sightings:
         """Give the rows where `mask` (n,) is true; the others are counted under the reason."""

@@ -250,9 +250,9 @@ class Adviser:
         if not reachable.any():
             return self._none(among, options, asked, contained)
         plain = _Goal(margin, reachable, np.zeros(reachable.shape))
-        unlike = [self._unlike(options, plain, most_minutes, surely=surely) for surely in (True, False)]
-        found = self._enough(options, unlike[0], most_minutes) or self._enough(options, unlike[1], most_minutes)
-        found = found or self._most_unlike(options, plain, unlike[1], most_minutes)
+        surely_unlike, unlike = self._unlike(options, plain, most_minutes)
+        found = self._enough(options, surely_unlike, most_minutes) or self._enough(options, unlike, most_minutes)
+        found = found or self._most_unlike(options, plain, unlike, most_minutes)
         found = found or [max(options, key=lambda one: (self._share(one, plain), -one.minutes))]
         # A little more time is worth being surer.
         near = [one for one in found if one.minutes <= _LITTLE_MORE * found[0].minutes]
@@ -318,14 +318,16 @@ class Adviser:
         shortest = min((one.minutes for one in found), default=most_minutes)
         return sorted(found + self._paired(options, goal, shortest), key=lambda one: one.minutes)
 
-    def _unlike(self, options: Sequence[_Option], plain: _Goal, most_minutes: float, *, surely: bool) -> _Goal:
-        """Give the goal that two are no longer alike either where some plan, or one after another, makes them so."""
+    def _unlike(self, options: Sequence[_Option], plain: _Goal, most_minutes: float) -> tuple[_Goal, _Goal]:
+        """Give the goal that two are no longer alike either where some plan, or one after another, makes them so.
+
+        Surely where that can be, and else as it is expected; and as it is expected everywhere.
+        """
         pairs = [self._option(both[-1]) for both in self._pairs(options, plain, most_minutes)]
         most = np.max([np.where(one.left >= plain.margin, one.share, 0.0) for one in (*options, *pairs)], axis=0)
-        share = np.zeros(most.shape)
-        for correlation in (_ALIKE, _SURELY_UNLIKE) if surely else (_ALIKE,):
-            share = np.where(most >= 1.0 - correlation**2, 1.0 - correlation**2, share)
-        return replace(plain, share=share)
+        least, surely_least = 1.0 - _ALIKE**2, 1.0 - _SURELY_UNLIKE**2
+        share = np.where(most >= least, least, 0.0)
+        return replace(plain, share=np.where(most >= surely_least, surely_least, share)), replace(plain, share=share)
 
     def _most_unlike(
         self, options: Sequence[_Option], plain: _Goal, unlike: _Goal, most_minutes: float
