@@ -303,12 +303,20 @@ def test_of_noise_alone_no_size_follows_anything(n_passes: int, n_rows: int, off
 
 
 def scattered(
-    rng: np.random.Generator, n_passes: int, n_rows: int, offset_mm: float, grows: bool, *, has_names: bool = True
+    rng: np.random.Generator,
+    n_passes: int,
+    n_rows: int,
+    offset_mm: float,
+    grows: bool,
+    *,
+    has_names: bool = True,
+    z_mm: float | None = None,
 ) -> Observations:
-    """Points anywhere, runs that are off by something each, and a temperature that is another in each."""
+    """Points anywhere, or at one height, runs that are off by something each, and another temperature in each."""
     own_pass = np.repeat(np.arange(n_passes), n_rows)
     temp = rng.permutation(warming_up(rng, n_passes))[own_pass]
     q = places(rng, len(own_pass))
+    q[:, 2] = q[:, 2] if z_mm is None else z_mm
     noise = rng.normal(0.0, 1e-3, q.shape) * (1.0 + 2.0 * grows * (temp - temp.min()) / np.ptp(temp))[:, None]
     true = NOMINAL.tool_from_work(q) + rng.normal(0.0, offset_mm, (n_passes, 3))[own_pass] + noise
     names = {"line": [f"L{number}" for number in own_pass]} if has_names else {}
@@ -337,6 +345,16 @@ def test_a_scatter_that_grows_from_run_to_run_is_told_beneath_larger_offsets() -
     assert first.is_within_runs
     assert 0.5 < first.least_um < 1.7
     assert 1.7 < first.most_um < 4.0
+
+
+def test_at_which_height_a_plane_was_measured_does_not_matter() -> None:
+    """Rounding of an axis that stood at 0.1 mm was taken for a lean, 10³⁰⁰ times as large."""
+    told = [
+        compare(NOMINAL, scattered(np.random.default_rng(16), 24, 10, 8e-3, grows=True, z_mm=z_mm)).spread_trends[0]
+        for z_mm in (0.0, 0.1, 100.0)
+    ]
+    assert {one.variable for one in told} == {"temp_bed"}
+    assert [one.p_value for one in told[1:]] == pytest.approx([told[0].p_value] * 2, rel=1e-3)
 
 
 def test_what_a_fit_leaves_of_exact_data_follows_nothing() -> None:
