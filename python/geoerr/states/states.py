@@ -266,8 +266,8 @@ def identify_states(
     }
     _refuse_contradictions(tables, covariate)
     tables, notes = _within_common_range(tables)
-    chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads)
-    options = FitOptions(bases=chosen, threads=threads)
+    common = common_bases(machine, tables, dict(bases or {}), threads)
+    options = FitOptions(bases=common.bases, threads=threads)
     fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
     for temperature, table in tables.items():
         fitted = fit_terms(machine, [table], options=options)
@@ -279,7 +279,8 @@ def identify_states(
             fitted = fit_terms(machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=known)
             estimate = with_offsets(estimate_of(fitted), fitted, offsets)
         fits[temperature] = fitted, estimate, sensitivity
-    functions = functions_of(machine, [fitted for fitted, _, _ in fits.values()], position_mm)
+    named = {_called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
+    functions = functions_of(machine, named, common)
     states = []
     for temperature, (fitted, estimate, sensitivity) in fits.items():
         errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
@@ -370,12 +371,16 @@ def _within_common_range(tables: Mapping[float, Observations]) -> tuple[dict[flo
     return kept, tuple(notes)
 
 
+def _called(temperature: float, table: Observations) -> str:
+    file = f" ({', '.join(table.sources)})" if table.sources else ""
+    return f"{temperature:g} °C{file}"
+
+
 def _stood_still(temperature: float, table: Observations) -> Iterator[str]:
     """Name the axes that never moved in a state: because of it, none of the states is compared along them."""
-    file = f" ({', '.join(table.sources)})" if table.sources else ""
     for axis, span in zip(AXES, np.ptp(table.commanded_mm, axis=0), strict=True):
         if span <= SAME_POSITION_MM:
             yield (
-                f"the {axis} axis never moved at {temperature:g} °C{file}: its errors are not compared at any "
+                f"the {axis} axis never moved at {_called(temperature, table)}: its errors are not compared at any "
                 "temperature, and there is no map over the volume"
             )
