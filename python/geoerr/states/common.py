@@ -24,7 +24,7 @@ from geoerr.fit.knots import choose_bases
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.machine import AXES, Machine
 from geoerr.model.gauge import is_determined
-from geoerr.observations import Observations
+from geoerr.observations import ONE_PLACE, Observations
 from geoerr.states.functions import Estimate, Functions, gauged, term_id_of, with_values
 from geoerr.states.mean import mean_of
 from geoerr.states.richness import richest
@@ -54,23 +54,26 @@ class CommonBases:
 
 
 def common_bases(
-    machine: Machine, tables: Mapping[float, Observations], given: Mapping[str, BasisSpec], threads: int
+    machine: Machine,
+    tables: Mapping[float, Observations],
+    range_mm: Mapping[str, tuple[float, float]],
+    given: Mapping[str, BasisSpec],
+    threads: int,
 ) -> CommonBases:
     """Choose bases for all states, and the positions of their tables.
 
     Parameters
     ----------
     tables
-        Temperature to rows, all within one range.
+        Temperature to rows.
+    range_mm
+        Axis to the range that all states share: that of the tables.
     given
         Bases that are not to be chosen, by ISO name.
     """
     sightings = [sightings_of(table) for table in tables.values()]
     places = {axis: _of_all([_places(one, axis) for one in sightings]) for axis in AXES}
-    entries = {
-        axis: found if len(found) <= _MOST_ENTRIES else np.linspace(float(found[0]), float(found[-1]), _MOST_ENTRIES)
-        for axis, found in places.items()
-    }
+    entries = {axis: _entries(found, *range_mm[axis]) for axis, found in places.items()}
 
     def fit(bases: Mapping[str, BasisSpec]) -> list[Fitted]:
         options = FitOptions(bases={**bases, **given}, threads=threads)
@@ -85,6 +88,17 @@ def common_bases(
     choices = choose_bases(undecided, terms, mean.covariance, mean.null_space, places)
     chosen = {**given, **rich, **{choice.name: choice.basis for choice in choices}}
     return CommonBases(chosen, entries, tuple(fitted.not_determined for fitted in fits))
+
+
+def _entries(places_mm: Numbers, low_mm: float, high_mm: float) -> Numbers:
+    """Give the positions of a table from end to end of a range: the places between, if they are not too many."""
+    if high_mm - low_mm <= SAME_POSITION_MM:
+        return np.array([low_mm])
+    if len(places_mm) > _MOST_ENTRIES:
+        return np.linspace(low_mm, high_mm, _MOST_ENTRIES)
+    near = max(ONE_PLACE * (high_mm - low_mm) / len(places_mm), SAME_POSITION_MM)
+    between = places_mm[(places_mm > low_mm + near) & (places_mm < high_mm - near)]
+    return np.array([low_mm, *between, high_mm])
 
 
 def _of_all(places: Sequence[Numbers]) -> Numbers:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -13,13 +13,14 @@ import polars as pl
 
 from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
-from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
+from geoerr.errors import GeoerrError, NotDeterminedError, ShapeError
 from geoerr.fit import FitOptions, Fitted, fit_terms
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
-from geoerr.machine import AXES, Machine
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import Machine
 from geoerr.model.called import check_machine, kind_of
 from geoerr.observations import Observations
 from geoerr.states.common import common_bases, estimate_of, functions_of
+from geoerr.states.common_range import called, within_common_range
 from geoerr.states.difference import Difference
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.joint import TemperatureFit, fit_temperature
@@ -237,7 +238,8 @@ def identify_states(
     Returns
     -------
     States
-        Rows outside the range of axis positions that all states share take no part: bases must be the same.
+        Over the range of axis positions that all states share; rows far outside of it take no part, for bases must
+        be the same.
 
     Raises
     ------
@@ -265,8 +267,8 @@ def identify_states(
         for temperature, given in sorted(observations.items())
     }
     _refuse_contradictions(tables, covariate)
-    tables, notes = _within_common_range(tables)
-    common = common_bases(machine, tables, dict(bases or {}), threads)
+    tables, range_mm, notes = within_common_range(tables)
+    common = common_bases(machine, tables, range_mm, dict(bases or {}), threads)
     options = FitOptions(bases=common.bases, threads=threads)
     fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
     for temperature, table in tables.items():
@@ -279,7 +281,7 @@ def identify_states(
             fitted = fit_terms(machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=known)
             estimate = with_offsets(estimate_of(fitted), fitted, offsets)
         fits[temperature] = fitted, estimate, sensitivity
-    named = {_called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
+    named = {called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
     functions = functions_of(machine, named, common)
     states = []
     for temperature, (fitted, estimate, sensitivity) in fits.items():
@@ -347,40 +349,4 @@ def _refuse_contradictions(tables: Mapping[float, Observations], covariate: str)
             raise GeoerrError(
                 f"the state at {temperature:g} °C has {covariate} = {mean:.1f} °C on average, nearer to {nearest:g}\n"
                 "hint: check which table belongs to which temperature, or name the column that tells it"
-            )
-
-
-def _within_common_range(tables: Mapping[float, Observations]) -> tuple[dict[float, Observations], tuple[str, ...]]:
-    low = np.max([table.commanded_mm.min(axis=0) for table in tables.values()], axis=0)
-    high = np.min([table.commanded_mm.max(axis=0) for table in tables.values()], axis=0)
-    narrow = [axis for axis, least, most in zip(AXES, low, high, strict=True) if least > most]
-    if narrow:
-        raise GeometryError(
-            f"the states share no range of {', '.join(narrow)}\nhint: measure the same volume at every temperature"
-        )
-    kept, notes = {}, [note for temperature, table in tables.items() for note in _stood_still(temperature, table)]
-    for temperature, table in tables.items():
-        commanded = table.commanded_mm
-        inside = ((commanded >= low - SAME_POSITION_MM) & (commanded <= high + SAME_POSITION_MM)).all(axis=1)
-        kept[temperature] = table if inside.all() else table.select(inside)
-        if not inside.all():
-            notes.append(
-                f"{int((~inside).sum())} rows at {temperature:g} °C lie outside the range that all states share, and "
-                "take no part"
-            )
-    return kept, tuple(notes)
-
-
-def _called(temperature: float, table: Observations) -> str:
-    file = f" ({', '.join(table.sources)})" if table.sources else ""
-    return f"{temperature:g} °C{file}"
-
-
-def _stood_still(temperature: float, table: Observations) -> Iterator[str]:
-    """Name the axes that never moved in a state: because of it, none of the states is compared along them."""
-    for axis, span in zip(AXES, np.ptp(table.commanded_mm, axis=0), strict=True):
-        if span <= SAME_POSITION_MM:
-            yield (
-                f"the {axis} axis never moved at {_called(temperature, table)}: its errors are not compared at any "
-                "temperature, and there is no map over the volume"
             )
