@@ -27,6 +27,7 @@ from geoerr.states.joint import TemperatureFit, fit_temperature
 from geoerr.states.left_out import LeftOut, leave_one_out
 from geoerr.states.offsets import pass_offsets, with_offsets
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
+from geoerr.states.temperatures import with_temperatures
 from geoerr.states.text import states_report
 from geoerr.summaries import sentences_html, summary_html, table_html
 from geoerr.terms import BasisSpec, is_column
@@ -91,6 +92,8 @@ class States:
         Coldest first.
     notes
         Sentences for the reader.
+    as_given
+        The tables as they were given, coldest first, where all that they hold took part as it stands.
     """
 
     machine: Machine
@@ -99,6 +102,7 @@ class States:
     states: tuple[State, ...]
     notes: tuple[str, ...] = ()
     threads: int = 0
+    as_given: tuple[Observations, ...] = ()
 
     @property
     def temperatures_degc(self) -> tuple[float, ...]:
@@ -170,6 +174,7 @@ class States:
             self.temperature_fit,
             [state.observations for state in self.states],
             [state.sensitivity for state in self.states],
+            as_given=self.as_given,
             threads=self.threads,
         )
 
@@ -202,7 +207,7 @@ class States:
             "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
             "misfit_p_value": self.temperature_fit.misfit.p_value,
             "left_out": [one.to_document() for one in self.left_out],
-            "notes": list(self.notes),
+            "notes": [*self.notes, *self.model.notes],
         }
 
     @property
@@ -228,8 +233,8 @@ def identify_states(
     machine
         The machine.
     covariate
-        Column of the temperature. Where the tables have it, the joint model takes their numbers; where they do not,
-        it is filled with the state's temperature.
+        Column of the temperature. Where the tables have it, the joint model takes their numbers, and empty cells are
+        filled from their neighbours in time; where they do not, it is filled with the state's temperature.
     bases
         Bases by ISO name; what is not named is chosen by the data, the same for all states.
     threads
@@ -262,11 +267,13 @@ def identify_states(
     _refuse_one_temperature(observations)
     if not is_column(covariate):
         raise GeoerrError(f"{covariate!r} cannot be a column's name\nhint: letters, digits and underscores, as temp")
-    tables = {
-        float(temperature): _one_table(float(temperature), given, covariate)
-        for temperature, given in sorted(observations.items())
+    given = {
+        float(temperature): _parts(float(temperature), tables) for temperature, tables in sorted(observations.items())
     }
+    parts, filled = with_temperatures(given, covariate)
+    tables = {temperature: _one_table(temperature, own) for temperature, own in parts.items()}
     _refuse_contradictions(tables, covariate)
+    n_rows = sum(map(len, tables.values()))
     tables, range_mm, notes = within_common_range(tables)
     common = common_bases(machine, tables, range_mm, dict(bases or {}), threads)
     options = FitOptions(bases=common.bases, threads=threads)
@@ -289,8 +296,14 @@ def identify_states(
         table = tables[temperature]
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
         states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
-    notes += tuple(_other_mean(state, covariate) for state in states if state.is_named_otherwise)
-    return States(machine, covariate, functions, tuple(states), notes, threads)
+    notes = (
+        *filled,
+        *notes,
+        *(_other_mean(state, covariate) for state in states if state.is_named_otherwise),
+    )
+    is_as_given = not filled and sum(map(len, tables.values())) == n_rows
+    as_given = tuple(part for own in given.values() for part in own) if is_as_given else ()
+    return States(machine, covariate, functions, tuple(states), notes, threads, as_given)
 
 
 def _other_mean(state: State, covariate: str) -> str:
@@ -312,21 +325,23 @@ def _refuse_one_temperature(observations: Mapping[float, Observations | Sequence
     raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
 
 
-def _one_table(temperature: float, given: Observations | Sequence[Observations], covariate: str) -> Observations:
-    """Join the tables of one temperature: every table's sessions stay its own, and the temperature is in each row."""
+def _parts(temperature: float, given: Observations | Sequence[Observations]) -> list[Observations]:
     if not math.isfinite(temperature):
         raise GeoerrError(f"{temperature} is no temperature in °C\nhint: name each state by the number")
     parts = [given] if isinstance(given, Observations) else list(given)
     if not parts:
         raise GeoerrError(f"nothing was measured at {temperature:g} °C\nhint: give a table, or leave it out")
-    frames = []
-    for number, part in enumerate(parts):
-        frame = part.frame.with_columns(
+    return parts
+
+
+def _one_table(temperature: float, parts: Sequence[Observations]) -> Observations:
+    """Join the tables of one temperature: every table's sessions stay its own."""
+    frames = [
+        part.frame.with_columns(
             pl.format("{}/{}/{}", pl.lit(f"{temperature:g}"), pl.lit(number), pl.col("session")).alias("session")
         )
-        if covariate not in frame.columns:
-            frame = frame.with_columns(pl.lit(temperature).alias(covariate))
-        frames.append(frame)
+        for number, part in enumerate(parts)
+    ]
     return Observations(
         pl.concat(frames, how="diagonal_relaxed"),
         tuple(source for part in parts for source in part.sources),
@@ -340,13 +355,14 @@ def _refuse_contradictions(tables: Mapping[float, Observations], covariate: str)
         values = table.numbers(covariate)[:, 0]
         if not np.isfinite(values).any():
             raise GeoerrError(
-                f"the column {covariate} of the state at {temperature:g} °C is empty\n"
+                f"the column {covariate} of the state at {called(temperature, table)} is empty\n"
                 "hint: fill it, leave it out (the state's temperature is then taken), or name another with covariate"
             )
         mean = float(np.nanmean(values))
         nearest = min(tables, key=lambda other: abs(other - mean))
         if nearest != temperature:
             raise GeoerrError(
-                f"the state at {temperature:g} °C has {covariate} = {mean:.1f} °C on average, nearer to {nearest:g}\n"
+                f"the state at {called(temperature, table)} has {covariate} = {mean:.1f} °C on average, nearer to "
+                f"{nearest:g}\n"
                 "hint: check which table belongs to which temperature, or name the column that tells it"
             )
