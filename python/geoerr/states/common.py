@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -52,6 +52,11 @@ class CommonBases:
     position_mm: dict[str, Numbers]
     not_determined: tuple[tuple[NotDetermined, ...], ...]
 
+    @property
+    def by_state(self) -> tuple[CommonBases, ...]:
+        """Give for each state what two measurements of it can be compared by."""
+        return tuple(replace(self, not_determined=(own, own)) for own in self.not_determined)
+
 
 def common_bases(
     machine: Machine,
@@ -81,7 +86,7 @@ def common_bases(
 
     rich, fits = richest(fit, [name for name in names_of("21") if name not in given], sightings, places)
     if not rich:
-        return CommonBases(dict(given), entries, ())
+        return CommonBases(dict(given), entries, ((),) * len(tables))
     mean = mean_of(fits, [estimate_of(fitted) for fitted in fits])
     terms = with_values(fits[0].terms, mean.values)
     undecided = [term for term in terms if term.id in rich]
@@ -128,7 +133,7 @@ def functions_of(machine: Machine, fits: Mapping[str, Fitted], common: CommonBas
     """
     (first, *_) = fits.values()
     reasons: dict[str, dict[str, list[str]]] = {}
-    for (state, fitted), rich in zip(fits.items(), common.not_determined or ((),) * len(fits), strict=True):
+    for (state, fitted), rich in zip(fits.items(), common.not_determined, strict=True):
         own = {item.name: item.why for item in (*rich, *fitted.not_determined)}
         for name, rows in gauged(machine, fitted.terms, common.position_mm).items():
             if not is_determined(rows, fitted.null_space):

@@ -14,18 +14,19 @@ import polars as pl
 from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, NotDeterminedError, ShapeError
-from geoerr.fit import FitOptions, Fitted, fit_terms
+from geoerr.fit import FitOptions, Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import Machine
 from geoerr.model.called import check_machine, kind_of
 from geoerr.observations import Observations
-from geoerr.states.common import common_bases, estimate_of, functions_of
+from geoerr.states.common import common_bases, functions_of
 from geoerr.states.common_range import called, within_common_range
 from geoerr.states.difference import Difference
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.joint import TemperatureFit, fit_temperature
 from geoerr.states.left_out import LeftOut, leave_one_out
-from geoerr.states.offsets import pass_offsets, with_offsets
+from geoerr.states.one_state import fit_state
+from geoerr.states.repeats import Repeat, repeats_of, session_name
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.temperatures import with_temperatures
 from geoerr.states.text import states_report
@@ -94,6 +95,8 @@ class States:
         Sentences for the reader.
     as_given
         The tables as they were given, coldest first, where all that they hold took part as it stands.
+    repeats
+        Sessions of one temperature against each other.
     """
 
     machine: Machine
@@ -103,6 +106,7 @@ class States:
     notes: tuple[str, ...] = ()
     threads: int = 0
     as_given: tuple[Observations, ...] = ()
+    repeats: tuple[Repeat, ...] = ()
 
     @property
     def temperatures_degc(self) -> tuple[float, ...]:
@@ -207,6 +211,7 @@ class States:
             "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
             "misfit_p_value": self.temperature_fit.misfit.p_value,
             "left_out": [one.to_document() for one in self.left_out],
+            "repeats": [one.to_document() for one in self.repeats],
             "notes": [*self.notes, *self.model.notes],
         }
 
@@ -277,17 +282,9 @@ def identify_states(
     tables, range_mm, notes = within_common_range(tables)
     common = common_bases(machine, tables, range_mm, dict(bases or {}), threads)
     options = FitOptions(bases=common.bases, threads=threads)
-    fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
-    for temperature, table in tables.items():
-        fitted = fit_terms(machine, [table], options=options)
-        offsets = pass_offsets(fitted)
-        sensitivity = offsets.sensitivity(fitted, len(table))
-        estimate = estimate_of(fitted)
-        if sensitivity.shape[2]:
-            known = np.eye(sensitivity.shape[2])
-            fitted = fit_terms(machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=known)
-            estimate = with_offsets(estimate_of(fitted), fitted, offsets)
-        fits[temperature] = fitted, estimate, sensitivity
+    fits = {temperature: fit_state(machine, table, options) for temperature, table in tables.items()}
+    files = {temperature: [part.sources for part in own] for temperature, own in given.items()}
+    repeats = repeats_of(machine, tables, files, common, covariate, options)
     named = {called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
     functions = functions_of(machine, named, common)
     states = []
@@ -300,10 +297,11 @@ def identify_states(
         *filled,
         *notes,
         *(_other_mean(state, covariate) for state in states if state.is_named_otherwise),
+        *(repeat.sentence for repeat in repeats),
     )
     is_as_given = not filled and sum(map(len, tables.values())) == n_rows
     as_given = tuple(part for own in given.values() for part in own) if is_as_given else ()
-    return States(machine, covariate, functions, tuple(states), notes, threads, as_given)
+    return States(machine, covariate, functions, tuple(states), notes, threads, as_given, repeats)
 
 
 def _other_mean(state: State, covariate: str) -> str:
@@ -337,9 +335,7 @@ def _parts(temperature: float, given: Observations | Sequence[Observations]) -> 
 def _one_table(temperature: float, parts: Sequence[Observations]) -> Observations:
     """Join the tables of one temperature: every table's sessions stay its own."""
     frames = [
-        part.frame.with_columns(
-            pl.format("{}/{}/{}", pl.lit(f"{temperature:g}"), pl.lit(number), pl.col("session")).alias("session")
-        )
+        part.frame.with_columns(session_name(temperature, number).alias("session"))
         for number, part in enumerate(parts)
     ]
     return Observations(
