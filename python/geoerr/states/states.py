@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,7 @@ import polars as pl
 
 from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
-from geoerr.errors import GeoerrError, NotDeterminedError, ShapeError
+from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
 from geoerr.fit import FitOptions, Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import Machine
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
+# Reasons that a sentence gives.
+_SPOKEN = 3
 # A state is named by a round number.
 _ROUNDED_DEGC = 1.0
 
@@ -287,6 +290,8 @@ def identify_states(
     repeats = repeats_of(machine, tables, files, common, covariate, options)
     named = {called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
     functions = functions_of(machine, named, common)
+    if not functions.names:
+        raise _nothing_common(functions)
     states = []
     for temperature, (fitted, estimate, sensitivity) in fits.items():
         errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
@@ -302,6 +307,12 @@ def identify_states(
     is_as_given = not filled and sum(map(len, tables.values())) == n_rows
     as_given = tuple(part for own in given.values() for part in own) if is_as_given else ()
     return States(machine, covariate, functions, tuple(states), notes, threads, as_given, repeats)
+
+
+def _nothing_common(functions: Functions) -> GeometryError:
+    why = Counter(item.why for item in functions.not_determined)
+    said = "; ".join(["no error is determined in all states", *(reason for reason, _ in why.most_common(_SPOKEN))])
+    return GeometryError(f"{said}\nhint: measure all axes at every temperature")
 
 
 def _other_mean(state: State, covariate: str) -> str:
