@@ -25,6 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
+import polars as pl
 from validation.hidden_effects.chain import RELATIVE, TOOL, WORK, Array, Displacements, places_mm, sides
 from validation.hidden_effects.machines import ErrorFunctions, draw_machine
 from validation.hidden_effects.noise import NOISES, draw_noise
@@ -427,7 +428,9 @@ def write_example(folder: Path, seed: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     write_machine(folder / "machine.toml", replace(hot.machine, axes=axes))
     for temperature in TEMPERATURES_DEGC:
-        write_observations(folder / f"at-{temperature:g}.csv", observe(hot, temperature, seed))
+        # Each file is a session of its own, as the verbs know it that read them together.
+        frame = observe(hot, temperature, seed).frame.drop("session").with_columns(temp=pl.lit(temperature))
+        write_observations(folder / f"at-{temperature:g}.csv", Observations(frame))
 
 
 def main() -> None:

@@ -76,6 +76,8 @@ LENGTH_COLUMNS = Schema(
     whole_numbers=("repeat",),
     texts=("feature", "group"),
 )
+# What a file is called that names no session, and is read alone.
+_FIRST_SESSION = "0"
 # Three years: a time that begins later counts from no session's begin.
 _SINCE_NO_SESSION_S = 1e8
 # Filled in where a column or a cell is absent (docs/reference/formats/observations.md).
@@ -287,6 +289,20 @@ def read_observations(*paths: str | Path, ranges_mm: Mapping[str, tuple[float, f
     return Observations(_in_time(merged), tuple(str(path) for path in paths), tuple(problems))
 
 
+def as_read_together(tables: Sequence[Observations]) -> Observations:
+    """Join tables as `read_observations` joins their files: each that names no session is one of its own."""
+    frames = [
+        one.frame.drop("session") if one.frame["session"].unique().to_list() == [_FIRST_SESSION] else one.frame
+        for one in tables
+    ]
+    whole = [_with_defaults(frame, session=name) for frame, name in zip(frames, _session_names(frames), strict=True)]
+    return Observations(
+        _in_time(pl.concat(whole, how="diagonal_relaxed")),
+        tuple(source for one in tables for source in one.sources),
+        tuple(problem for one in tables for problem in one.set_aside),
+    )
+
+
 def _refuse_unmeasured(raw: pl.DataFrame, path: str | Path) -> None:
     if not any(name in raw.columns for name in MEASURED):
         raise InputFileError(
@@ -399,7 +415,7 @@ def observations_from_columns(columns: Mapping[str, object] | pl.DataFrame, sour
                 remedy="times (t) are seconds since the session began",
             )
     frame, problems = check(raw, POINT_COLUMNS, source)
-    return Observations(_in_time(_with_defaults(frame, session="0")), (source,), problems)
+    return Observations(_in_time(_with_defaults(frame, session=_FIRST_SESSION)), (source,), problems)
 
 
 def _frame_of(columns: Mapping[str, object], source: str) -> pl.DataFrame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ from fitted_models import fitted as drawn_model
 from typer.testing import CliRunner
 
 from geoerr.budget import uncertainty_budget
+from geoerr.budget.sources import Stage
+from geoerr.budget.text import budget_text
 from geoerr.cli.main import app
 from geoerr.errors import GeoerrError, NotDeterminedError
 from geoerr.machine import write_machine
@@ -81,3 +84,11 @@ def test_what_is_not_determined_is_null(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     assert CliRunner().invoke(app, [*arguments, "--report", str(page)]).exit_code == 0
     assert "not determined" in page.read_text(encoding="utf-8")
+
+
+def test_a_slope_per_millimetre_and_kelvin_is_no_zero() -> None:
+    """Less than a billionth of its unit is no rounding there."""
+    budget = uncertainty_budget(drawn_model(), [[100.0, 0.0, 50.0]], at={"temp_bed": 50.0, "d_y": 1.0})
+    slope = Stage("parameters", "EBX*T@temp: slope c1", 8.7e-10, "rad/(mm*K)")
+    text = budget_text(replace(budget, stages=(*budget.stages, slope)))
+    assert any(line.split()[-2:] == ["8.7e-10", "rad/(mm*K)"] for line in text.splitlines())

@@ -10,7 +10,7 @@ import pytest
 from hot_machines import gantry
 from validation.hot_and_cold import NO_HEAT, Hot, observe
 
-from geoerr.errors import NotDeterminedError
+from geoerr.errors import GeometryError, NotDeterminedError
 from geoerr.observations import Observations
 from geoerr.report.provenance import Provenance
 from geoerr.report.states_page import write_states_page
@@ -91,3 +91,13 @@ def test_axes_that_never_moved_in_one_state_leave_the_rest_to_be_compared(tmp_pa
     page = (tmp_path / "states.html").read_text(encoding="utf-8")
     assert "No map" in page
     assert "warm.csv" in page
+
+
+def test_states_that_share_nothing_are_refused_by_name() -> None:
+    """Hot, one place was measured."""
+    hot = gantry(3)
+    cold, warm = (replace(observe(hot, degc, 3), sources=(f"at-{degc:g}.csv",)) for degc in STATES_DEGC)
+    place = (warm.commanded_mm == warm.commanded_mm[0]).all(axis=1)
+    with pytest.raises(GeometryError, match="no error is determined in all states") as caught:
+        identify_states({20.0: cold, 120.0: warm.select(place)}, hot.machine, threads=1)
+    assert "120 °C (at-120.csv): the x axis never moved" in str(caught.value)

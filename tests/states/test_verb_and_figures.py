@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ from geoerr.cli.main import app
 from geoerr.machine import write_machine
 from geoerr.model import load_model
 from geoerr.observations import Observations, write_observations
+from geoerr.report.figures.states import style_probability
+from geoerr.report.provenance import Provenance
+from geoerr.report.states_page import write_states_page
 from geoerr.states import States
 
 
@@ -114,6 +118,18 @@ def test_a_temperature_below_zero_is_typed_as_it_is(
     run = CliRunner().invoke(app, ["states", "--machine", "machine.toml", "--json", *before, *named])
     assert run.exit_code == 0, run.output
     assert sorted(given) == [-20.0, -0.5, 20.0]
+
+
+def test_the_page_has_what_the_text_says_of_chance(states: States, tmp_path: Path) -> None:
+    """How probable each left-out state is, and what uncertainties were multiplied by."""
+    scaled = replace(states)
+    scaled.__dict__["temperature_fit"] = replace(states.temperature_fit, scale=2.5)
+    scaled.__dict__["model"], scaled.__dict__["left_out"] = states.model, states.left_out
+    write_states_page(tmp_path / "states.html", scaled, Provenance("0", "geoerr states"))
+    page = (tmp_path / "states.html").read_text(encoding="utf-8")
+    assert "uncertainties are multiplied by 2.50" in page
+    for one in states.left_out:
+        assert f">{style_probability(one.difference.p_value)}<" in page
 
 
 def test_two_results_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -46,7 +46,7 @@ def budget_text(budget: Budget) -> str:
     lines += ["[[From the picture to the parameters]] standard uncertainties, medians"]
     wide = min(max((len(stage.what) for stage in budget.stages), default=0), 59)
     for stage in budget.stages:
-        lines += _row(stage.what, max(wide, 52) + 1, f"{_number(stage.std)} {stage.unit}")
+        lines += _row(stage.what, max(wide, 52) + 1, f"{_in_unit(stage.std, stage.unit)} {stage.unit}")
     lines += ["[[Sources]] own u, type, degrees of freedom; contribution to a part's error, µm"]
     lines += _sources(budget, shown, heads)
     if len(shown) > 1:
@@ -70,11 +70,11 @@ def _sources(budget: Budget, shown: Sequence[int], heads: Sequence[str]) -> Iter
     by_name = {source.name: source for source in budget.sources}
     for one in budget.contributions("part"):
         source = by_name[one.name]
-        size = f"{_number(source.std):>9} {source.unit:<5}{source.kind:>2}{_dof(source.dof):>6}"
+        size = f"{_in_unit(source.std, source.unit):>9} {source.unit:<5}{source.kind:>2}{_dof(source.dof):>6}"
         yield from _row(one.name, _SOURCE_NAME, size + _at_last(one, shown))
         for part in budget.pieces(source.name):
             piece = source.pieces[part.name]
-            size = f"{_number(piece.std):>9} {piece.unit:<5}{'':>8}"
+            size = f"{_in_unit(piece.std, piece.unit):>9} {piece.unit:<5}{'':>8}"
             yield from _row(f"  {part.name}", _SOURCE_NAME, size + _at_last(part, shown))
 
 
@@ -152,6 +152,11 @@ def _number(value: float) -> str:
     if abs(value) < _NOTHING:
         return "0"
     return f"{value:.3g}" if abs(value) < 100.0 else f"{value:.0f}"
+
+
+def _in_unit(value: float, unit: str) -> str:
+    """Write a standard deviation; what is counted by the kelvin or the millimetre is small however much it does."""
+    return f"{value:.3g}" if "/" in unit and math.isfinite(value) else _number(value)
 
 
 def _dof(value: float) -> str:

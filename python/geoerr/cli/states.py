@@ -82,12 +82,13 @@ def states_verb(
     inputs = [machine, *(path for _, path in paths)]
     check_output(output, inputs)
     check_output(report, inputs, output)
+    known = read_machine(machine)
     tables: dict[float, list[Observations]] = {}
     for temperature, path in paths:
-        tables.setdefault(temperature, []).append(read_observations(path))
+        tables.setdefault(temperature, []).append(read_observations(path, ranges_mm=known.ranges_mm))
     with progress_bar("states", quiet) as advance:
         advance(0, 2)
-        found = identify_states(tables, read_machine(machine), covariate=covariate, threads=threads)
+        found = identify_states(tables, known, covariate=covariate, threads=threads)
         advance(1, 2)
         if output is not None:
             write_model(output, found.model.model)

@@ -35,6 +35,7 @@ def write_states_page(path: str | Path, states: States, provenance: Provenance) 
         "differs.",
         f"Beyond chance: {', '.join(beyond) if beyond else 'no single function'}.",
         *states.notes,
+        *states.model.notes,
     ]
     sections = [
         Section("The 21 errors at each temperature", (Figure(state_curves(states), "All states."),)),
@@ -74,6 +75,8 @@ def _model(states: States) -> Table:
     ]
     fit = states.temperature_fit
     caption = f"What follows {states.covariate}; p {style_probability(fit.misfit.p_value)} that this is all"
+    if fit.scale != 1.0:
+        caption += f"; uncertainties are multiplied by {fit.scale:.2f}"
     return Table(caption, ("term", "value ± standard uncertainty", "would physics give it"), tuple(rows))
 
 
@@ -85,11 +88,13 @@ def _left_out(states: States) -> Table:
             *("" if value is None else style.text_um(value) for value in (one.rms_um, one.rms_by_chance_um)),
             *("" if value is None else style.text_um(value) for value in (one.predicted_rmse_um, one.own_rmse_um)),
             f"{100.0 * one.coverage:.0f} %",
+            style_probability(one.difference.p_value),
         )
         for one in states.left_out
     )
     header = (
         *("°C", "", "measured minus predicted, volume", "by chance", "points minus predicted", "minus own fit"),
         "tables inside 95 %",
+        "p",
     )
     return Table("Root mean squares; terms chosen anew without the state", header, rows)

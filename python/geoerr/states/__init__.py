@@ -4,6 +4,7 @@ from geoerr.states.chance import Test
 from geoerr.states.difference import Difference, FunctionDifference
 from geoerr.states.joint import TemperatureFit
 from geoerr.states.left_out import LeftOut
+from geoerr.states.repeats import Repeat
 from geoerr.states.shapes import Shape
 from geoerr.states.states import State, States, identify_states
 from geoerr.states.temperature_model import TemperatureModel
@@ -13,6 +14,7 @@ __all__ = [
     "Difference",
     "FunctionDifference",
     "LeftOut",
+    "Repeat",
     "Shape",
     "State",
     "States",

@@ -44,15 +44,6 @@ _TRIALS = (0.0, *np.geomspace(1e-4, 1.0, 17).tolist())
 _BENEFIT_OF_DOUBT = 2.0
 
 
-def pooled(functions: Functions, estimates: Sequence[Estimate]) -> Estimate:
-    """Give the mean of estimates, weighed by their covariances."""
-    space = Space.of(functions, estimates)
-    system = System.of(space, estimates, np.zeros(len(estimates)), ())
-    covariance = linalg.inv(system.own)
-    parameters = space.out @ (covariance @ system.right)
-    return Estimate(parameters, space.out @ covariance @ space.out.T, min(estimate.dof for estimate in estimates))
-
-
 @dataclass(frozen=True, eq=False)
 class Space:
     """Coordinates z = Uᵀ (θ / d) of what all states determine."""

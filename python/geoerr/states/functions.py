@@ -8,7 +8,7 @@ is tilted, is not in the tables, and a difference of tables is a difference of t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -182,7 +182,15 @@ class Functions:
 
     def with_values(self, parameters: Numbers) -> tuple[Term, ...]:
         """Give the terms with these values."""
-        return tuple(term.with_values(parameters[self.own[term.id]].tolist()) for term in self.terms)
+        return with_values(self.terms, parameters)
+
+
+def with_values(terms: Sequence[Term], parameters: Numbers) -> tuple[Term, ...]:
+    """Give terms with coefficients (m,), in the order of theirs."""
+    ends = np.cumsum([len(term.coefficients) for term in terms])
+    return tuple(
+        term.with_values(own.tolist()) for term, own in zip(terms, np.split(parameters, ends[:-1]), strict=True)
+    )
 
 
 def term_id_of(name: str) -> str:

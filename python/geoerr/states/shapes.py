@@ -152,7 +152,9 @@ def _term(
     axis, title = None, f"squareness {LI_NAMES[name]}"
     if name not in LI_SQUARENESS:
         axis = name[2].lower()
-        low, high = functions.range_mm[axis]
+        (spec,) = (term.parts[0].basis for term in functions.terms if term.id == name)
+        assert spec is not None
+        low, high = basis_of(spec).range
         # Outside the measured range the end value holds, as everywhere.
         definitions.append(("q", f"min(max({axis}, {_text(low)}), {_text(high)})"))
         title = f"{title_of(name)} ({LI_NAMES[name]})"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,18 +15,21 @@ import polars as pl
 from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
-from geoerr.fit import FitOptions, Fitted, fit_terms
-from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
-from geoerr.machine import AXES, Machine
+from geoerr.fit import FitOptions, Fitted
+from geoerr.fit.sightings import Numbers
+from geoerr.machine import Machine
 from geoerr.model.called import check_machine, kind_of
 from geoerr.observations import Observations
-from geoerr.states.common import common_bases, estimate_of, functions_of
+from geoerr.states.common import common_bases, functions_of
+from geoerr.states.common_range import called, within_common_range
 from geoerr.states.difference import Difference
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.joint import TemperatureFit, fit_temperature
 from geoerr.states.left_out import LeftOut, leave_one_out
-from geoerr.states.offsets import pass_offsets, with_offsets
+from geoerr.states.one_state import fit_state
+from geoerr.states.repeats import Repeat, repeats_of, session_name
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
+from geoerr.states.temperatures import with_temperatures
 from geoerr.states.text import states_report
 from geoerr.summaries import sentences_html, summary_html, table_html
 from geoerr.terms import BasisSpec, is_column
@@ -34,6 +38,8 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
+# Reasons that a sentence gives.
+_SPOKEN = 3
 # A state is named by a round number.
 _ROUNDED_DEGC = 1.0
 
@@ -90,6 +96,10 @@ class States:
         Coldest first.
     notes
         Sentences for the reader.
+    as_given
+        The tables as they were given, coldest first, where all that they hold took part as it stands.
+    repeats
+        Sessions of one temperature against each other.
     """
 
     machine: Machine
@@ -98,6 +108,8 @@ class States:
     states: tuple[State, ...]
     notes: tuple[str, ...] = ()
     threads: int = 0
+    as_given: tuple[Observations, ...] = ()
+    repeats: tuple[Repeat, ...] = ()
 
     @property
     def temperatures_degc(self) -> tuple[float, ...]:
@@ -169,6 +181,7 @@ class States:
             self.temperature_fit,
             [state.observations for state in self.states],
             [state.sensitivity for state in self.states],
+            as_given=self.as_given,
             threads=self.threads,
         )
 
@@ -201,7 +214,8 @@ class States:
             "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
             "misfit_p_value": self.temperature_fit.misfit.p_value,
             "left_out": [one.to_document() for one in self.left_out],
-            "notes": list(self.notes),
+            "repeats": [one.to_document() for one in self.repeats],
+            "notes": [*self.notes, *self.model.notes],
         }
 
     @property
@@ -227,8 +241,8 @@ def identify_states(
     machine
         The machine.
     covariate
-        Column of the temperature. Where the tables have it, the joint model takes their numbers; where they do not,
-        it is filled with the state's temperature.
+        Column of the temperature. Where the tables have it, the joint model takes their numbers, and empty cells are
+        filled from their neighbours in time; where they do not, it is filled with the state's temperature.
     bases
         Bases by ISO name; what is not named is chosen by the data, the same for all states.
     threads
@@ -237,7 +251,8 @@ def identify_states(
     Returns
     -------
     States
-        Rows outside the range of axis positions that all states share take no part: bases must be the same.
+        Over the range of axis positions that all states share; rows far outside of it take no part, for bases must
+        be the same.
 
     Raises
     ------
@@ -260,34 +275,44 @@ def identify_states(
     _refuse_one_temperature(observations)
     if not is_column(covariate):
         raise GeoerrError(f"{covariate!r} cannot be a column's name\nhint: letters, digits and underscores, as temp")
-    tables = {
-        float(temperature): _one_table(float(temperature), given, covariate)
-        for temperature, given in sorted(observations.items())
+    given = {
+        float(temperature): _parts(float(temperature), tables) for temperature, tables in sorted(observations.items())
     }
+    parts, filled = with_temperatures(given, covariate)
+    tables = {temperature: _one_table(temperature, own) for temperature, own in parts.items()}
     _refuse_contradictions(tables, covariate)
-    tables, notes = _within_common_range(tables)
-    chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads)
-    options = FitOptions(bases=chosen, threads=threads)
-    fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
-    for temperature, table in tables.items():
-        fitted = fit_terms(machine, [table], options=options)
-        offsets = pass_offsets(fitted)
-        sensitivity = offsets.sensitivity(fitted, len(table))
-        estimate = estimate_of(fitted)
-        if sensitivity.shape[2]:
-            known = np.eye(sensitivity.shape[2])
-            fitted = fit_terms(machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=known)
-            estimate = with_offsets(estimate_of(fitted), fitted, offsets)
-        fits[temperature] = fitted, estimate, sensitivity
-    functions = functions_of(machine, [fitted for fitted, _, _ in fits.values()], position_mm)
+    n_rows = sum(map(len, tables.values()))
+    tables, range_mm, notes = within_common_range(tables)
+    common = common_bases(machine, tables, range_mm, dict(bases or {}), threads)
+    options = FitOptions(bases=common.bases, threads=threads)
+    fits = {temperature: fit_state(machine, table, options) for temperature, table in tables.items()}
+    files = {temperature: [part.sources for part in own] for temperature, own in given.items()}
+    repeats = repeats_of(machine, tables, files, common, covariate, options)
+    named = {called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
+    functions = functions_of(machine, named, common)
+    if not functions.names:
+        raise _nothing_common(functions)
     states = []
     for temperature, (fitted, estimate, sensitivity) in fits.items():
         errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
         table = tables[temperature]
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
         states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
-    notes += tuple(_other_mean(state, covariate) for state in states if state.is_named_otherwise)
-    return States(machine, covariate, functions, tuple(states), notes, threads)
+    notes = (
+        *filled,
+        *notes,
+        *(_other_mean(state, covariate) for state in states if state.is_named_otherwise),
+        *(repeat.sentence for repeat in repeats),
+    )
+    is_as_given = not filled and sum(map(len, tables.values())) == n_rows
+    as_given = tuple(part for own in given.values() for part in own) if is_as_given else ()
+    return States(machine, covariate, functions, tuple(states), notes, threads, as_given, repeats)
+
+
+def _nothing_common(functions: Functions) -> GeometryError:
+    why = Counter(item.why for item in functions.not_determined)
+    said = "; ".join(["no error is determined in all states", *(reason for reason, _ in why.most_common(_SPOKEN))])
+    return GeometryError(f"{said}\nhint: measure all axes at every temperature")
 
 
 def _other_mean(state: State, covariate: str) -> str:
@@ -309,21 +334,21 @@ def _refuse_one_temperature(observations: Mapping[float, Observations | Sequence
     raise GeoerrError("a comparison needs two temperatures or more\nhint: give one table for each temperature")
 
 
-def _one_table(temperature: float, given: Observations | Sequence[Observations], covariate: str) -> Observations:
-    """Join the tables of one temperature: every table's sessions stay its own, and the temperature is in each row."""
+def _parts(temperature: float, given: Observations | Sequence[Observations]) -> list[Observations]:
     if not math.isfinite(temperature):
         raise GeoerrError(f"{temperature} is no temperature in °C\nhint: name each state by the number")
     parts = [given] if isinstance(given, Observations) else list(given)
     if not parts:
         raise GeoerrError(f"nothing was measured at {temperature:g} °C\nhint: give a table, or leave it out")
-    frames = []
-    for number, part in enumerate(parts):
-        frame = part.frame.with_columns(
-            pl.format("{}/{}/{}", pl.lit(f"{temperature:g}"), pl.lit(number), pl.col("session")).alias("session")
-        )
-        if covariate not in frame.columns:
-            frame = frame.with_columns(pl.lit(temperature).alias(covariate))
-        frames.append(frame)
+    return parts
+
+
+def _one_table(temperature: float, parts: Sequence[Observations]) -> Observations:
+    """Join the tables of one temperature: every table's sessions stay its own."""
+    frames = [
+        part.frame.with_columns(session_name(temperature, number).alias("session"))
+        for number, part in enumerate(parts)
+    ]
     return Observations(
         pl.concat(frames, how="diagonal_relaxed"),
         tuple(source for part in parts for source in part.sources),
@@ -337,45 +362,14 @@ def _refuse_contradictions(tables: Mapping[float, Observations], covariate: str)
         values = table.numbers(covariate)[:, 0]
         if not np.isfinite(values).any():
             raise GeoerrError(
-                f"the column {covariate} of the state at {temperature:g} °C is empty\n"
+                f"the column {covariate} of the state at {called(temperature, table)} is empty\n"
                 "hint: fill it, leave it out (the state's temperature is then taken), or name another with covariate"
             )
         mean = float(np.nanmean(values))
         nearest = min(tables, key=lambda other: abs(other - mean))
         if nearest != temperature:
             raise GeoerrError(
-                f"the state at {temperature:g} °C has {covariate} = {mean:.1f} °C on average, nearer to {nearest:g}\n"
+                f"the state at {called(temperature, table)} has {covariate} = {mean:.1f} °C on average, nearer to "
+                f"{nearest:g}\n"
                 "hint: check which table belongs to which temperature, or name the column that tells it"
-            )
-
-
-def _within_common_range(tables: Mapping[float, Observations]) -> tuple[dict[float, Observations], tuple[str, ...]]:
-    low = np.max([table.commanded_mm.min(axis=0) for table in tables.values()], axis=0)
-    high = np.min([table.commanded_mm.max(axis=0) for table in tables.values()], axis=0)
-    narrow = [axis for axis, least, most in zip(AXES, low, high, strict=True) if least > most]
-    if narrow:
-        raise GeometryError(
-            f"the states share no range of {', '.join(narrow)}\nhint: measure the same volume at every temperature"
-        )
-    kept, notes = {}, [note for temperature, table in tables.items() for note in _stood_still(temperature, table)]
-    for temperature, table in tables.items():
-        commanded = table.commanded_mm
-        inside = ((commanded >= low - SAME_POSITION_MM) & (commanded <= high + SAME_POSITION_MM)).all(axis=1)
-        kept[temperature] = table if inside.all() else table.select(inside)
-        if not inside.all():
-            notes.append(
-                f"{int((~inside).sum())} rows at {temperature:g} °C lie outside the range that all states share, and "
-                "take no part"
-            )
-    return kept, tuple(notes)
-
-
-def _stood_still(temperature: float, table: Observations) -> Iterator[str]:
-    """Name the axes that never moved in a state: because of it, none of the states is compared along them."""
-    file = f" ({', '.join(table.sources)})" if table.sources else ""
-    for axis, span in zip(AXES, np.ptp(table.commanded_mm, axis=0), strict=True):
-        if span <= SAME_POSITION_MM:
-            yield (
-                f"the {axis} axis never moved at {temperature:g} °C{file}: its errors are not compared at any "
-                "temperature, and there is no map over the volume"
             )

@@ -9,11 +9,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 import polars as pl
 
-from geoerr.fit import FitOptions, FitResult, fit_terms, result_of
+from geoerr.fit import (
+    FitOptions,
+    FitResult,
+    complete_rows,
+    digest_of,
+    fit_terms,
+    result_of,
+    sightings_of,
+    within_the_machine,
+)
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import Machine
 from geoerr.model import Model
-from geoerr.observations import Observations
+from geoerr.observations import Observations, as_read_together
 from geoerr.states.functions import Functions
 from geoerr.states.joint import TemperatureFit
 from geoerr.states.shapes import coefficient_name, temperature_terms, term_id
@@ -79,6 +88,7 @@ def temperature_model(
     observations: Sequence[Observations],
     sensitivities: Sequence[Numbers],
     *,
+    as_given: Sequence[Observations] = (),
     threads: int = 0,
 ) -> TemperatureModel:
     """Fit the 21 errors and the chosen shapes of temperature to all states' observations.
@@ -89,6 +99,8 @@ def temperature_model(
         Of each state.
     sensitivities
         For each state how its offsets of passes move its rows, (n, 3, p).
+    as_given
+        The same rows as tables of their own, under the names of their sessions: what the model knows its data by.
     """
     frame = pl.concat([one.frame for one in observations], how="diagonal_relaxed")
     joined = Observations(frame, tuple(source for one in observations for source in one.sources))
@@ -110,7 +122,25 @@ def temperature_model(
         rig_sensitivity=offsets,
         rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
     )
-    return TemperatureModel(result_of(fitted), covariate, chosen, notes)
+    terms_of_heat = {term.id for term in fitted.terms if covariate in term.variables}
+    notes += tuple(
+        f"one model: {item.name} is not determined by all rows together, and its value says nothing: {item.why}"
+        for item in fitted.not_determined
+        if item.name in terms_of_heat
+    )
+    return TemperatureModel(_known_by(as_given, result_of(fitted)), covariate, chosen, notes)
+
+
+def _known_by(tables: Sequence[Observations], result: FitResult) -> FitResult:
+    """Let a model know its data by the tables as their files are read together: here sessions have other names."""
+    record = result.model.record
+    if not tables or record is None:
+        return result
+    model = result.model
+    read = within_the_machine(sightings_of(as_read_together(tables)), model.machine)
+    sightings = complete_rows(model.machine, read, model.terms)
+    known = replace(model, record=replace(record, data_digest=digest_of(sightings)))
+    return replace(result, model=known)
 
 
 def _side_by_side(sensitivities: Sequence[Numbers]) -> Numbers | None:
