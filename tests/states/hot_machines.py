@@ -1,4 +1,4 @@
-"""Machines of one chain, whose three axes carry the tool: half the rows of one with a bed that moves."""
+"""Machines whose three axes carry the tool, half the rows of one with a bed that moves; and of that kind."""
 
 from __future__ import annotations
 
@@ -15,6 +15,13 @@ TEMPERATURES_DEGC = (20.0, 60.0, 120.0)
 def gantry(seed: int) -> Hot:
     rng = np.random.default_rng(seed)
     machine, cold = draw_machine(rng, "wbXYZt")
+    return Hot(machine, cold, draw_heat(rng))
+
+
+def two_bodies(seed: int) -> Hot:
+    """One whose bed moves, too."""
+    rng = np.random.default_rng(seed)
+    machine, cold = draw_machine(rng, "wYbXZt")
     return Hot(machine, cold, draw_heat(rng))
 
 
