@@ -32,6 +32,7 @@ from geoerr.model.gauge import is_determined
 from geoerr.observations import Observations
 from geoerr.states.evidence import pooled
 from geoerr.states.functions import Estimate, Functions, gauged, term_id_of
+from geoerr.states.weights import Weights
 from geoerr.terms import BasisSpec
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
@@ -42,7 +43,11 @@ _FEWEST_FUNCTIONS = 5
 
 
 def common_bases(
-    machine: Machine, tables: Mapping[float, Observations], given: Mapping[str, BasisSpec], threads: int
+    machine: Machine,
+    tables: Mapping[float, Observations],
+    given: Mapping[str, BasisSpec],
+    threads: int,
+    weights: Weights,
 ) -> tuple[dict[str, BasisSpec], dict[str, Numbers]]:
     """Choose bases for all states, and the positions of their tables.
 
@@ -52,6 +57,8 @@ def common_bases(
         Temperature to rows, all within one range.
     given
         Bases that are not to be chosen, by ISO name.
+    weights
+        Of rows that state no uncertainty.
     """
     sightings = [sightings_of(table) for table in tables.values()]
     is_stated = all(one.is_stated for one in sightings)
@@ -72,8 +79,10 @@ def common_bases(
                 rich[name] = basis
         if set(rich) == set(given):
             return rich, entries
+        options = FitOptions(bases=rich, threads=threads)
         fits = [
-            fit_terms(machine, [table], options=FitOptions(bases=rich, threads=threads)) for table in tables.values()
+            fit_terms(machine, [table], options=options, sightings=weights.sightings([table]))
+            for table in tables.values()
         ]
         functions = functions_of(machine, fits, entries)
         if best is None or len(functions.names) > len(best[0].names):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ from geoerr.states.left_out import LeftOut, leave_one_out
 from geoerr.states.offsets import pass_offsets, with_offsets
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.text import states_report
+from geoerr.states.weights import Weights, weights_of
 from geoerr.summaries import sentences_html, summary_html, table_html
 from geoerr.terms import BasisSpec, is_column
 
@@ -90,6 +91,8 @@ class States:
         Coldest first.
     notes
         Sentences for the reader.
+    weights
+        Of rows that state no uncertainty.
     """
 
     machine: Machine
@@ -98,6 +101,7 @@ class States:
     states: tuple[State, ...]
     notes: tuple[str, ...] = ()
     threads: int = 0
+    weights: Weights = field(default_factory=Weights)
 
     @property
     def temperatures_degc(self) -> tuple[float, ...]:
@@ -169,6 +173,7 @@ class States:
             self.temperature_fit,
             [state.observations for state in self.states],
             [state.sensitivity for state in self.states],
+            self.weights,
             threads=self.threads,
         )
 
@@ -266,17 +271,27 @@ def identify_states(
     }
     _refuse_contradictions(tables, covariate)
     tables, notes = _within_common_range(tables)
-    chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads)
+    weights = weights_of(machine, tables, bases or {}, threads)
+    notes += weights.notes
+    chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads, weights)
     options = FitOptions(bases=chosen, threads=threads)
     fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
     for temperature, table in tables.items():
-        fitted = fit_terms(machine, [table], options=options)
+        sightings = weights.sightings([table])
+        fitted = fit_terms(machine, [table], options=options, sightings=sightings)
         offsets = pass_offsets(fitted)
         sensitivity = offsets.sensitivity(fitted, len(table))
         estimate = estimate_of(fitted)
         if sensitivity.shape[2]:
             known = np.eye(sensitivity.shape[2])
-            fitted = fit_terms(machine, [table], options=options, rig_sensitivity=sensitivity, rig_covariance=known)
+            fitted = fit_terms(
+                machine,
+                [table],
+                options=options,
+                rig_sensitivity=sensitivity,
+                rig_covariance=known,
+                sightings=sightings,
+            )
             estimate = with_offsets(estimate_of(fitted), fitted, offsets)
         fits[temperature] = fitted, estimate, sensitivity
     functions = functions_of(machine, [fitted for fitted, _, _ in fits.values()], position_mm)
@@ -287,7 +302,7 @@ def identify_states(
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
         states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
     notes += tuple(_other_mean(state, covariate) for state in states if state.is_named_otherwise)
-    return States(machine, covariate, functions, tuple(states), notes, threads)
+    return States(machine, covariate, functions, tuple(states), notes, threads, weights)
 
 
 def _other_mean(state: State, covariate: str) -> str:

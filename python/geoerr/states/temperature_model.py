@@ -17,6 +17,7 @@ from geoerr.observations import Observations
 from geoerr.states.functions import Functions
 from geoerr.states.joint import TemperatureFit
 from geoerr.states.shapes import coefficient_name, temperature_terms, term_id
+from geoerr.states.weights import Weights
 from geoerr.terms import Term
 
 # Rows times unknowns of offsets that the joint fit takes along: with three components some 500 MB.
@@ -78,6 +79,7 @@ def temperature_model(
     chosen: TemperatureFit,
     observations: Sequence[Observations],
     sensitivities: Sequence[Numbers],
+    weights: Weights,
     *,
     threads: int = 0,
 ) -> TemperatureModel:
@@ -89,6 +91,8 @@ def temperature_model(
         Of each state.
     sensitivities
         For each state how its offsets of passes move its rows, (n, 3, p).
+    weights
+        Of rows that state no uncertainty.
     """
     frame = pl.concat([one.frame for one in observations], how="diagonal_relaxed")
     joined = Observations(frame, tuple(source for one in observations for source in one.sources))
@@ -109,6 +113,7 @@ def temperature_model(
         options=FitOptions(bases=bases, threads=threads),
         rig_sensitivity=offsets,
         rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
+        sightings=weights.sightings([joined]),
     )
     return TemperatureModel(result_of(fitted), covariate, chosen, notes)
 
