@@ -14,17 +14,18 @@ import polars as pl
 from geoerr.drawing import drawn
 from geoerr.error_functions import ErrorFunctions
 from geoerr.errors import GeoerrError, GeometryError, NotDeterminedError, ShapeError
-from geoerr.fit import FitOptions, Fitted, fit_terms
+from geoerr.fit import FitOptions, Fitted
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.machine import AXES, Machine
 from geoerr.model.called import check_machine, kind_of
 from geoerr.observations import Observations
-from geoerr.states.common import common_bases, estimate_of, functions_of
+from geoerr.states.common import common_bases, functions_of
 from geoerr.states.difference import Difference
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.joint import TemperatureFit, fit_temperature
 from geoerr.states.left_out import LeftOut, leave_one_out
-from geoerr.states.offsets import pass_offsets, with_offsets
+from geoerr.states.one_temperature import at_one_temperature
+from geoerr.states.state_fit import fit_state
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.text import states_report
 from geoerr.states.weights import Weights, weights_of
@@ -255,8 +256,9 @@ def identify_states(
     -----
     Li et al. 2023, §5.2 (room temperature and 120 °C). All states have the same bases, chosen by their
     evidence together: what these cannot follow is the same in every state, and cancels in differences. Offsets of
-    passes are found by restricted likelihood and are part of every uncertainty. The calibration of the cameras is
-    not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
+    passes are found by restricted likelihood and are part of every uncertainty. Rows of a state whose temperature was
+    not steady are referred to its mean. The calibration of the cameras is no part of uncertainties: it is the same in
+    all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
     """
     call = "identify_states({20.0: cold, 90.0: hot}, machine)"
     check_machine(machine, [observations], call)
@@ -275,32 +277,16 @@ def identify_states(
     notes += weights.notes
     chosen, position_mm = common_bases(machine, tables, dict(bases or {}), threads, weights)
     options = FitOptions(bases=chosen, threads=threads)
-    fits: dict[float, tuple[Fitted, Estimate, Numbers]] = {}
-    for temperature, table in tables.items():
-        sightings = weights.sightings([table])
-        fitted = fit_terms(machine, [table], options=options, sightings=sightings)
-        offsets = pass_offsets(fitted)
-        sensitivity = offsets.sensitivity(fitted, len(table))
-        estimate = estimate_of(fitted)
-        if sensitivity.shape[2]:
-            known = np.eye(sensitivity.shape[2])
-            fitted = fit_terms(
-                machine,
-                [table],
-                options=options,
-                rig_sensitivity=sensitivity,
-                rig_covariance=known,
-                sightings=sightings,
-            )
-            estimate = with_offsets(estimate_of(fitted), fitted, offsets)
-        fits[temperature] = fitted, estimate, sensitivity
-    functions = functions_of(machine, [fitted for fitted, _, _ in fits.values()], position_mm)
+    fits = {temperature: fit_state(machine, table, options, weights) for temperature, table in tables.items()}
+    fits, more = at_one_temperature(machine, covariate, tables, fits, position_mm, options, weights)
+    functions = functions_of(machine, [one.fitted for one in fits.values()], position_mm)
     states = []
-    for temperature, (fitted, estimate, sensitivity) in fits.items():
-        errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
+    for temperature, one in fits.items():
+        errors = functions.tables(one.estimate, "joint", (f"at {temperature:g} °C",))
         table = tables[temperature]
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
-        states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
+        states.append(State(temperature, mean, table, one.fitted, errors, one.estimate, one.sensitivity))
+    notes += more
     notes += tuple(_other_mean(state, covariate) for state in states if state.is_named_otherwise)
     return States(machine, covariate, functions, tuple(states), notes, threads, weights)
 
