@@ -206,6 +206,7 @@ class States:
             "difference": {**difference.to_document(), "volume": volume},
             "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
             "misfit_p_value": self.temperature_fit.misfit.p_value,
+            "astray": [{"name": name, "p_value": one} for name, one in self.temperature_fit.astray.items()],
             "left_out": [one.to_document() for one in self.left_out],
             "notes": list(self.notes),
         }

@@ -115,7 +115,36 @@ def temperature_model(
         rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
         sightings=weights.sightings([joined]),
     )
-    return TemperatureModel(result_of(fitted), covariate, chosen, notes)
+    return TemperatureModel(_with_misfit(result_of(fitted), functions, chosen, covariate), covariate, chosen, notes)
+
+
+def _with_misfit(result: FitResult, functions: Functions, chosen: TemperatureFit, covariate: str) -> FitResult:
+    """Add to a model's covariance what functions that break the law of temperature may be off by."""
+    if not chosen.astray:
+        return result
+    model = result.model
+    keys = [(term.id, one.name) for term in model.terms for one in term.coefficients]
+    place_of = {key: place for place, key in enumerate(keys)}
+    own = [(term.id, one.name) for term in functions.terms for one in term.coefficients]
+    own += [(term_id(shape.name, shape.power, covariate), coefficient_name(shape)) for shape in chosen.shapes]
+    kept = [number for number, key in enumerate(own) if key in place_of]
+    places = [place_of[own[number]] for number in kept]
+    assert model.record is not None
+    covariance = model.record.covariance.copy()
+    covariance[np.ix_(places, places)] += chosen.misfit_covariance[np.ix_(kept, kept)]
+    std = dict(zip(keys, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=False))
+    terms = tuple(
+        replace(
+            term,
+            coefficients=tuple(
+                one if math.isnan(one.std) else replace(one, std=float(std[term.id, one.name]))
+                for one in term.coefficients
+            ),
+        )
+        for term in model.terms
+    )
+    record = replace(model.record, covariance=covariance)
+    return replace(result, model=Model(model.machine, terms=terms, record=record))
 
 
 def _side_by_side(sensitivities: Sequence[Numbers]) -> Numbers | None:

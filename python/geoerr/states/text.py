@@ -90,6 +90,13 @@ def _temperature_lines(states: States) -> Iterator[str]:
         f"what the states show beyond these: {_chance(fit.misfit.p_value)}"
         + ("" if fit.scale == 1.0 else f"; uncertainties are multiplied by {fit.scale:.2f}")
     )
+    if fit.astray:
+        named = ", ".join(f"{name} (p {_probability(p_value)})" for name, p_value in fit.astray.items())
+        yield from _wrapped(
+            f"not in proportion to the temperature, or its square: {named}; between and beyond the temperatures that "
+            "were measured its uncertainty, in the model file too, counts by how much: measure more temperatures "
+            "between"
+        )
 
 
 def _left_out_lines(states: States) -> Iterator[str]:
