@@ -125,9 +125,14 @@ def test_a_temperature_left_out_is_predicted(states: States) -> None:
 
 
 def test_two_states_know_no_square(states: States) -> None:
+    """They hold growth for proportional, and say how far off that may be in between: 0.2 · (0.5 − 0.25) of it."""
     estimates = {at: states[at].estimate for at in (20.0, 120.0)}
     fit = fit_temperature(states.functions, estimates, 20.0)
-    assert {shape.power for shape in fit.shapes + fit.passed_over} == {1}
+    assert {shape.power for shape in fit.shapes} == {1}
+    assert {shape.power for shape in fit.passed_over} == {1, 2}
+    grown, between = (fit.errors(at).functions["EZZ"] for at in (120.0, 70.0))
+    assert between.std[-1] == pytest.approx(0.05 * grown.value[-1], rel=0.2)
+    assert grown.std[-1] < 0.3 * between.std[-1]
     alone = fit_temperature(states.functions, {20.0: estimates[20.0]}, 20.0)
     assert alone.shapes == ()
 

@@ -31,6 +31,9 @@ from geoerr.states.shapes import Shape, shapes_of
 _FALSE_ALARMS = 0.05
 # Less probable than this, what the model misses is not chance, and its uncertainties are scaled (Birge).
 _SIGNIFICANCE = 0.01
+# Standard deviation of T² as a share of T at 100 K, where two states cannot tell it: lengths of machines grow by a
+# tenth to a third more than in proportion, where something in them warms unlike the sensor.
+_SQUARE = 0.2
 # How often the variance of functions that break the law is found anew.
 _ROUNDS = 4
 
@@ -89,8 +92,12 @@ class TemperatureFit:
 
     @property
     def std_of_choice(self) -> Numbers:
-        """Standard deviation (k,) that shapes which were not taken, and may be there, add to each coefficient."""
-        return np.asarray(np.linalg.norm(self.taken_for[self.basis.shape[1] :], axis=1))
+        """Standard deviation (k,) that shapes which were not taken, and may be there, add to each coefficient.
+
+        Of two states coefficients are what the law in proportion has, which is assumed.
+        """
+        is_told = [len(self.temperatures_degc) > 2 or shape.power == 1 for shape in self.passed_over]
+        return np.asarray(np.linalg.norm(self.taken_for[self.basis.shape[1] :, is_told], axis=1))
 
     def at(self, temperature_degc: float) -> Estimate:
         """Predict the parameters at a temperature."""
@@ -133,6 +140,7 @@ def fit_temperature(
     reference_degc: float,
     *,
     shapes: Sequence[tuple[str, int, int]] | None = None,
+    may_be_square: bool = True,
 ) -> TemperatureFit:
     """Find how errors follow temperature.
 
@@ -144,7 +152,9 @@ def fit_temperature(
         Where T = 0.
     shapes
         Keys (name, order, power) of the shapes to take; None lets the evidence choose. Of T² only with three states
-        or more, for two cannot tell it from T.
+        or more: two cannot tell it from T, and what follows T is held to do so in proportion to a fifth (`_SQUARE`).
+    may_be_square
+        Whether two states' uncertainties count that; not where the law in proportion is what is tested.
 
     Raises
     ------
@@ -153,7 +163,7 @@ def fit_temperature(
     """
     temperatures = sorted(estimates)
     own = [estimates[one] for one in temperatures]
-    candidates = shapes_of(functions, with_squares=len(temperatures) >= 3)
+    candidates = shapes_of(functions, with_squares=len(temperatures) > 2 or may_be_square)
     if shapes is not None:
         candidates = tuple(shape for shape in candidates if shape.key in set(shapes))
     if len(temperatures) < 2:
@@ -213,7 +223,9 @@ class _Law:
         system = System.of(self.space, wider, self.heat, self.candidates)
         chosen = list(range(len(self.candidates)))
         if not self.is_given:
-            chosen = search(system, self.candidates, price_of(self.candidates))
+            linear = [one for one in self.candidates if one.power == 1]
+            told = self.candidates if len(self.heat) > 2 else linear
+            chosen = search(system, told, price_of(told))
         shapes = tuple(self.candidates[place] for place in chosen)
         values, covariance = system.solve(chosen)
         moves = [
@@ -259,7 +271,11 @@ def _fitted(
             for place, value in zip(chosen, found[len(system.right) :], strict=True)
         }
         units = np.array([_unit(functions, shapes[one], taken) for one in others])
-        passed = size_passed_over(system, chosen, others, units)
+        is_told = np.array([system.n_states > 2 or shapes[one].power == 1 for one in others])
+        told = [one for one, own in zip(others, is_told, strict=True) if own]
+        passed = _SQUARE * units
+        if told:
+            passed[is_told] = size_passed_over(system, chosen, told, units[is_told])
     index = np.array(chosen, dtype=np.int64)
     r = len(system.right)
     dof = min(estimate.dof for estimate in law.estimates)

@@ -79,7 +79,10 @@ def at_one_temperature(
     for _ in range(_ROUNDS if unsteady else 0):
         functions = functions_of(machine, [one.fitted for one in fits.values()], position_mm)
         follows = fit_temperature(
-            functions, {mean[one]: fit.estimate for one, fit in fits.items()}, machine.reference_temperature_degc
+            functions,
+            {mean[one]: fit.estimate for one, fit in fits.items()},
+            machine.reference_temperature_degc,
+            may_be_square=False,
         )
         if not follows.shapes:
             break
