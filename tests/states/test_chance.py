@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from geoerr.states.chance import Spread, deviations, largest_by_chance, whole_test
-from geoerr.states.difference import holm
+from geoerr.states.chance import Spread, deviations, holm, largest_by_chance, whole_test
 
 
 def spread(

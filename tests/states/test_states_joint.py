@@ -125,9 +125,14 @@ def test_a_temperature_left_out_is_predicted(states: States) -> None:
 
 
 def test_two_states_know_no_square(states: States) -> None:
+    """They hold growth for proportional, and say how far off that may be in between: 0.2 · (0.5 − 0.25) of it."""
     estimates = {at: states[at].estimate for at in (20.0, 120.0)}
     fit = fit_temperature(states.functions, estimates, 20.0)
-    assert {shape.power for shape in fit.shapes + fit.passed_over} == {1}
+    assert {shape.power for shape in fit.shapes} == {1}
+    assert {shape.power for shape in fit.passed_over} == {1, 2}
+    grown, between = (fit.errors(at).functions["EZZ"] for at in (120.0, 70.0))
+    assert between.std[-1] == pytest.approx(0.05 * grown.value[-1], rel=0.2)
+    assert grown.std[-1] < 0.3 * between.std[-1]
     alone = fit_temperature(states.functions, {20.0: estimates[20.0]}, 20.0)
     assert alone.shapes == ()
 
@@ -137,7 +142,9 @@ def test_named_shapes_are_taken_as_they_are(states: States) -> None:
     assert [shape.key for shape in fit.shapes] == [("EXX", 1, 1), ("EYY", 1, 1)]
     # Without the third axis the states show more than the model can follow.
     assert fit.misfit.p_value < 1e-9
-    assert fit.scale > 2.0
+    assert next(iter(fit.astray)) == "EZZ"
+    both = fit_temperature(states.functions, states.estimates, 20.0).errors(60.0).functions["EZZ"].std[-1]
+    assert fit.errors(60.0).functions["EZZ"].std[-1] > 2.0 * both
 
 
 def test_the_model_file_corrects_a_program_at_a_temperature(hot: Hot, states: States, tmp_path: Path) -> None:

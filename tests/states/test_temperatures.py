@@ -78,6 +78,7 @@ def test_a_term_that_nothing_determines_is_never_written_in_silence(states: Stat
         states.temperature_fit,
         tables,
         [state.sensitivity[:, :, :0] for state in states.states],
+        states.weights,
         threads=1,
     )
     assert any("EXX*T@temp is not determined by all rows together" in note for note in model.notes)

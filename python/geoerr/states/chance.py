@@ -122,6 +122,16 @@ def tail(chi_squared: float, rank: int, dof: float, share: Numbers | None = None
     return Test(chi_squared, rank, dof, float(f_sf(scaled / freedom, freedom, dof).mean()))
 
 
+def holm(p_values: list[float]) -> list[float]:
+    """Correct probabilities for their number, by Holm's step-down rule."""
+    order = np.argsort(p_values, kind="stable")
+    corrected, running = np.empty(len(p_values)), 0.0
+    for rank, place in enumerate(order):
+        running = max(running, min(1.0, (len(p_values) - rank) * p_values[place]))
+        corrected[place] = running
+    return [float(value) for value in corrected]
+
+
 def _sizes(dof: float) -> Numbers:
     """Give equally probable values of χ²_ν/ν, never quite 0."""
     middle = (np.arange(_CLASSES) + 0.5) / _CLASSES

@@ -28,6 +28,7 @@ from geoerr.observations import ONE_PLACE, Observations
 from geoerr.states.functions import Estimate, Functions, gauged, term_id_of, with_values
 from geoerr.states.mean import mean_of
 from geoerr.states.richness import richest
+from geoerr.states.weights import Weights
 from geoerr.terms import BasisSpec
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
@@ -64,6 +65,7 @@ def common_bases(
     range_mm: Mapping[str, tuple[float, float]],
     given: Mapping[str, BasisSpec],
     threads: int,
+    weights: Weights,
 ) -> CommonBases:
     """Choose bases for all states, and the positions of their tables.
 
@@ -75,6 +77,8 @@ def common_bases(
         Axis to the range that all states share: that of the tables.
     given
         Bases that are not to be chosen, by ISO name.
+    weights
+        Of rows that state no uncertainty.
     """
     sightings = [sightings_of(table) for table in tables.values()]
     places = {axis: _of_all([_places(one, axis) for one in sightings]) for axis in AXES}
@@ -82,7 +86,10 @@ def common_bases(
 
     def fit(bases: Mapping[str, BasisSpec]) -> list[Fitted]:
         options = FitOptions(bases={**bases, **given}, threads=threads)
-        return [fit_terms(machine, [table], options=options) for table in tables.values()]
+        return [
+            fit_terms(machine, [table], options=options, sightings=weights.sightings([table]))
+            for table in tables.values()
+        ]
 
     rich, fits = richest(fit, [name for name in names_of("21") if name not in given], sightings, places)
     if not rich:

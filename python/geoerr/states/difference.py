@@ -12,7 +12,7 @@ import numpy.typing as npt
 from geoerr.drawing import drawn
 from geoerr.error_functions import LI_SQUARENESS, ErrorFunctions, is_angular
 from geoerr.fit.sightings import Numbers
-from geoerr.states.chance import Largest, Spread, Test, largest_by_chance, whole_test
+from geoerr.states.chance import Largest, Spread, Test, holm, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions, without_rounding
 from geoerr.states.volume import N_GRID, VolumeDifference, volume_difference
 
@@ -220,16 +220,6 @@ class Difference:
             "functions": {name: _function_document(one) for name, one in self.by_name.items()},
             "not_determined": [{"name": item.name, "why": item.why} for item in self.functions.not_determined],
         }
-
-
-def holm(p_values: list[float]) -> list[float]:
-    """Correct probabilities for their number, by Holm's step-down rule."""
-    order = np.argsort(p_values, kind="stable")
-    corrected, running = np.empty(len(p_values)), 0.0
-    for rank, place in enumerate(order):
-        running = max(running, min(1.0, (len(p_values) - rank) * p_values[place]))
-        corrected[place] = running
-    return [float(value) for value in corrected]
 
 
 def _function_document(one: FunctionDifference) -> dict[str, Any]:

@@ -111,7 +111,7 @@ def leave_one_out(
     found = []
     for temperature, estimate in estimates.items():
         others = {other: one for other, one in estimates.items() if other != temperature}
-        fit = fit_temperature(functions, others, reference_degc)
+        fit = fit_temperature(functions, others, reference_degc, may_be_square=False)
         difference = Difference(
             f"predicted at {temperature:g} °C",
             f"measured at {temperature:g} °C",

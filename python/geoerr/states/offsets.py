@@ -2,12 +2,14 @@ r"""What rows of one pass, and of passes one after the other, have in common and
 
 A camera that was touched, a carriage that settles, air that warms: residuals have an offset by pass and wander within
 a session, and a test that takes them for independent alarms on every pair of states. With A the whitened columns of
-the fit, r its whitened residual, Z the membership of rows in blocks (a pass, or a third of one), the offsets of
-blocks along each axis of the measuring frame are normal with covariance d_axis K,
+the fit, r its whitened residual, Z the membership of rows in blocks (a pass, or a third of one, of one body), the
+offsets of blocks along each axis of the measuring frame are normal with covariance d_axis K,
 
-    K = w [same pass] + (1 − w) exp(−|t − t'| / τ) [same session] = R Rᵀ,
+    K = (w [same pass] + (1 − w) exp(−|t − t'| / τ) [same session]) (1 − c + c [same body]) = R Rᵀ,
 
-in units of the scatter s²; s², d and the pair (w, τ) maximise the restricted likelihood
+in units of the scatter s²: c is 0 where a camera was touched and 1 where every carriage settles by itself. s², d, the
+numbers w, τ and c, and whether a second look where the machine turns belongs to the way back, maximise the restricted
+likelihood
 
     −2 log L = ν log s² + log det(1 + Dᵀ G D) + (r·r − b·D (1 + Dᵀ G D)⁻¹ Dᵀ b) / s²,
     D = R ⊗ diag(√d),   G = Zᵀ(1 − A A⁺)Z,   b = Zᵀ r
@@ -20,6 +22,7 @@ Source: Harville, JASA 72 (1977). Verified: tests/states/test_offsets.py, valida
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,8 +31,8 @@ import scipy
 from scipy import linalg
 
 from geoerr.fit import Fitted
-from geoerr.fit.sightings import Numbers, Sightings
-from geoerr.fit.variables import times_s
+from geoerr.fit.sightings import Numbers
+from geoerr.states.blocks import Blocks, blocks_of, has_bodies_apart, passes_from_turns
 from geoerr.states.functions import Estimate
 
 Integers = npt.NDArray[np.int64]
@@ -39,15 +42,14 @@ _LEAST, _MOST = 1e-4, 1e4
 _STARTS = 13
 # A found variance within this factor of the least is none.
 _NEAR = 1.2
-# Memories that are tried, as shares of a session, and how much of the offsets is each pass's own.
+# Memories that are tried, as shares of a session, how much of the offsets is each pass's own, and each body's own.
 _MEMORIES = (0.05, 0.15, 0.5)
 _SHARES = (0.0, 0.5)
+_CARRIER_SHARES = (0.0, 0.5, 1.0)
 # Eigenvalues below this share of the largest are rounding.
 _RANK = 1e-9
 # Directions of a correlation with less than this share of the largest variance need no unknowns of their own.
 _NEGLIGIBLE = 1e-4
-# Blocks: at most three a pass, of four moments or more, and so many in all that a determinant takes a millisecond.
-_BLOCKS_OF_PASS, _FEWEST_MOMENTS, _MOST_BLOCKS = 3, 4, 120
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,34 +85,31 @@ class PassOffsets:
 
 def pass_offsets(fitted: Fitted) -> PassOffsets:
     """Find what rows share in what a fit leaves."""
-    sightings, used = fitted.sightings, fitted.solved.used
-    block, pass_of, session_of, time_of = _blocks(sightings)
-    gram, pull = _sums(fitted, block, len(pass_of))
-    information = (sightings.whitening[used] ** 2).sum(axis=(0, 1))
-    n_numbers = sightings.is_measured[used].sum(axis=0)
-    is_seen = (n_numbers > 0) & (np.einsum("bcbc->c", gram) > 0.0)
-    nothing = PassOffsets(np.zeros(3), block, np.eye(len(pass_of)), math.inf)
-    if fitted.dof <= pull.size or not is_seen.any():
-        return nothing
-    noise = np.where(is_seen, n_numbers / np.maximum(information, 1e-300), 0.0)
+    sightings = fitted.sightings
+    turned = passes_from_turns(sightings)
+    is_told = (turned == sightings.pass_number).all()
+    numberings = [sightings.pass_number] if is_told else [sightings.pass_number, turned]
+    shares = _CARRIER_SHARES if has_bodies_apart(sightings) else (0.0,)
+    tried = _sums_of(fitted, numberings, by_carrier=True) if len(shares) > 1 else []
+    if not tried:
+        shares, tried = (0.0,), _sums_of(fitted, numberings, by_carrier=False)
+    if not tried:
+        blocks = blocks_of(sightings, sightings.pass_number, by_carrier=False)
+        return PassOffsets(np.zeros(3), blocks.of_row, np.eye(len(blocks)), math.inf)
+    firsts = [sums.best(1.0, 1.0, share) for sums in tried for share in shares]
+    of_pass = min(firsts, key=lambda found: found.value)
+    wandering = [of_pass.sums.best(w, tau, share) for w in _SHARES for tau in _MEMORIES for share in shares]
+    best = min([of_pass, *wandering], key=lambda found: found.value)
     low, high = math.log(_LEAST), math.log(_MOST)
-    best: tuple[float, float, Numbers, _Likelihood] | None = None
-    for weight, memory in [(1.0, 1.0), *((w, tau) for w in _SHARES for tau in _MEMORIES)]:
-        wander = np.exp(-np.abs(time_of[:, None] - time_of) / memory) * (session_of[:, None] == session_of)
-        same = (pass_of[:, None] == pass_of).astype(np.float64)
-        root = root_of_correlation(weight * same + (1.0 - weight) * wander)
-        likelihood = _Likelihood.of(gram, pull, root, noise, fitted.solved.chi_squared, fitted.dof)
-        values = [likelihood(np.full(3, one)) for one in np.linspace(low, high, _STARTS)]
-        if best is None or min(values) < best[0]:
-            best = min(values), float(np.linspace(low, high, _STARTS)[int(np.argmin(values))]), root, likelihood
-    assert best is not None
-    _, start, root, likelihood = best
-    found = scipy.optimize.minimize(likelihood, np.full(3, start), method="Powell", bounds=[(low, high)] * 3).x
-    is_there = is_seen & (found > low + math.log(_NEAR))
+    start = np.full(3, best.log_ratio)
+    found = scipy.optimize.minimize(best.likelihood, start, method="Powell", bounds=[(low, high)] * 3).x
+    sums = best.sums
+    is_there = sums.is_seen & (found > low + math.log(_NEAR))
     if not is_there.any():
-        return nothing
-    std_mm = np.where(is_there, np.sqrt(noise * np.exp(found)), 0.0)
-    return PassOffsets(std_mm, block, root, likelihood.degrees_of_freedom(np.where(is_there, found, low)))
+        return PassOffsets(np.zeros(3), sums.blocks.of_row, best.root, math.inf)
+    std_mm = np.where(is_there, np.sqrt(sums.noise * np.exp(found)), 0.0)
+    dof = best.likelihood.degrees_of_freedom(np.where(is_there, found, low))
+    return PassOffsets(std_mm, sums.blocks.of_row, best.root, dof)
 
 
 def with_offsets(estimate: Estimate, fitted: Fitted, offsets: PassOffsets) -> Estimate:
@@ -167,34 +166,70 @@ class _Likelihood:
         return float(((value / (1.0 + value)) ** 2).sum())
 
 
-def _blocks(sightings: Sightings) -> tuple[Integers, Integers, Integers, Numbers]:
-    """Give each row's block (n,), and each block's pass, session and time, the session's span being 1."""
-    times = times_s(sightings)
-    n_passes = sightings.n_passes
-    most = max(1, min(_BLOCKS_OF_PASS, _MOST_BLOCKS // max(n_passes, 1)))
-    block = np.empty(len(sightings), dtype=np.int64)
-    pass_of: list[int] = []
-    session_of: list[int] = []
-    time_of: list[float] = []
-    spans = {
-        number: (float(own.min()), max(float(np.ptp(own)), 1e-300))
-        for number in range(len(sightings.sessions))
-        for own in [times[sightings.session == number]]
-        if own.size
-    }
-    for number in range(n_passes):
-        rows = np.flatnonzero(sightings.pass_number == number)
-        moments, place = np.unique(times[rows], return_inverse=True)
-        count = max(1, min(most, len(moments) // _FEWEST_MOMENTS))
-        own = place * count // len(moments)
-        session = int(sightings.session[rows[0]])
-        start, span = spans[session]
-        block[rows] = len(pass_of) + own
-        for one in range(count):
-            pass_of.append(number)
-            session_of.append(session)
-            time_of.append((float(times[rows[own == one]].mean()) - start) / span)
-    return block, np.array(pass_of), np.array(session_of), np.array(time_of)
+def _sums_of(fitted: Fitted, numberings: Sequence[Integers], *, by_carrier: bool) -> list[_Sums]:
+    """Sum up for passes that are numbered in several ways, where enough is left for that."""
+    blocks = [blocks_of(fitted.sightings, numbers, by_carrier=by_carrier) for numbers in numberings]
+    return [sums for one in blocks if (sums := _Sums.of(fitted, one)) is not None]
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """One correlation, and the best that it does with one size for all axes."""
+
+    sums: _Sums
+    root: Numbers
+    likelihood: _Likelihood
+    log_ratio: float
+    value: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """G (b, 3, b, 3) and b (b, 3), and what they are of.
+
+    Attributes
+    ----------
+    noise : (3,)
+        Variance of one number along each axis, mm²; 0 where nothing is seen.
+    square, dof
+        χ² of the fit, and its degrees of freedom.
+    """
+
+    blocks: Blocks
+    gram: Numbers
+    pull: Numbers
+    noise: Numbers
+    square: float
+    dof: float
+
+    @classmethod
+    def of(cls, fitted: Fitted, blocks: Blocks) -> _Sums | None:
+        """Sum up; None where the fit leaves no more than the blocks could take, or nothing was seen."""
+        if fitted.dof <= 3 * len(blocks):
+            return None
+        sightings, used = fitted.sightings, fitted.solved.used
+        gram, pull = _sums(fitted, blocks.of_row, len(blocks))
+        information = (sightings.whitening[used] ** 2).sum(axis=(0, 1))
+        n_numbers = sightings.is_measured[used].sum(axis=0)
+        is_seen = (n_numbers > 0) & (np.einsum("bcbc->c", gram) > 0.0)
+        if not is_seen.any():
+            return None
+        noise = np.where(is_seen, n_numbers / np.maximum(information, 1e-300), 0.0)
+        return cls(blocks, gram, pull, noise, fitted.solved.chi_squared, fitted.dof)
+
+    @property
+    def is_seen(self) -> npt.NDArray[np.bool_]:
+        """Along which axes (3,) offsets show."""
+        return self.noise > 0.0
+
+    def best(self, pass_share: float, memory: float, carrier_share: float) -> _Found:
+        """Try sizes of offsets with one correlation."""
+        root = root_of_correlation(self.blocks.correlation(pass_share, memory, carrier_share))
+        likelihood = _Likelihood.of(self.gram, self.pull, root, self.noise, self.square, self.dof)
+        trials = np.linspace(math.log(_LEAST), math.log(_MOST), _STARTS)
+        values = [likelihood(np.full(3, one)) for one in trials]
+        place = int(np.argmin(values))
+        return _Found(self, root, likelihood, float(trials[place]), values[place])
 
 
 def _sums(fitted: Fitted, block: Integers, n_blocks: int) -> tuple[Numbers, Numbers]:

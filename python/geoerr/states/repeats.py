@@ -16,14 +16,14 @@ import numpy as np
 import polars as pl
 
 from geoerr.errors import GeometryError
-from geoerr.fit import FitOptions, Fitted
-from geoerr.fit.sightings import Numbers
+from geoerr.fit import FitOptions
 from geoerr.machine import Machine
 from geoerr.observations import Observations
+from geoerr.states.chance import holm
 from geoerr.states.common import CommonBases, functions_of
-from geoerr.states.difference import Difference, holm
-from geoerr.states.functions import Estimate
-from geoerr.states.one_state import fit_state
+from geoerr.states.difference import Difference
+from geoerr.states.state_fit import StateFit, fit_state
+from geoerr.states.weights import Weights
 from geoerr.summaries import listed
 
 # Less probable than this, sessions of one temperature are not of one machine.
@@ -101,6 +101,7 @@ def repeats_of(
     common: CommonBases,
     covariate: str,
     options: FitOptions,
+    weights: Weights,
 ) -> tuple[Repeat, ...]:
     """Hold every later session of each temperature against the first one.
 
@@ -116,12 +117,13 @@ def repeats_of(
     found: list[tuple[float, Difference, tuple[float, float]]] = []
     for (temperature, table), state in zip(tables.items(), common.by_state, strict=True):
         sessions = _sessions(table, files[temperature])
-        fits = {} if len(sessions) < 2 else _fits(machine, sessions, options)
+        fits = {} if len(sessions) < 2 else _fits(machine, sessions, options, weights)
         for later in list(fits)[1:]:
             first = next(iter(fits))
-            functions = functions_of(machine, {name: fits[name][0] for name in (first, later)}, state)
+            functions = functions_of(machine, {name: fits[name].fitted for name in (first, later)}, state)
             if functions.names:
-                difference = Difference(first, later, functions, fits[first][1], fits[later][1], options.threads)
+                estimates = fits[first].estimate, fits[later].estimate
+                difference = Difference(first, later, functions, *estimates, options.threads)
                 means = _mean_degc(sessions[first], covariate), _mean_degc(sessions[later], covariate)
                 found.append((temperature, difference, means))
     corrected = holm([difference.p_value for _, difference, _ in found])
@@ -150,15 +152,15 @@ def _sessions(table: Observations, files: Sequence[Sequence[str]]) -> dict[str, 
 
 
 def _fits(
-    machine: Machine, sessions: Mapping[str, Observations], options: FitOptions
-) -> dict[str, tuple[Fitted, Estimate, Numbers]]:
+    machine: Machine, sessions: Mapping[str, Observations], options: FitOptions, weights: Weights
+) -> dict[str, StateFit]:
     fits = {}
     for name, own in sessions.items():
         try:
-            fit = fit_state(machine, own, options)
+            fit = fit_state(machine, own, options, weights)
         except GeometryError:
             continue
-        if fit[0].dof > 0 and math.isfinite(fit[0].scale):
+        if fit.fitted.dof > 0 and math.isfinite(fit.fitted.scale):
             fits[name] = fit
     return fits
 

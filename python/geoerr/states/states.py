@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +26,13 @@ from geoerr.states.difference import Difference
 from geoerr.states.functions import Estimate, Functions
 from geoerr.states.joint import TemperatureFit, fit_temperature
 from geoerr.states.left_out import LeftOut, leave_one_out
-from geoerr.states.one_state import fit_state
+from geoerr.states.one_temperature import at_one_temperature
 from geoerr.states.repeats import Repeat, repeats_of, session_name
+from geoerr.states.state_fit import fit_state
 from geoerr.states.temperature_model import TemperatureModel, temperature_model
 from geoerr.states.temperatures import with_temperatures
 from geoerr.states.text import states_report
+from geoerr.states.weights import Weights, weights_of
 from geoerr.summaries import sentences_html, summary_html, table_html
 from geoerr.terms import BasisSpec, is_column
 
@@ -100,6 +102,8 @@ class States:
         The tables as they were given, coldest first, where all that they hold took part as it stands.
     repeats
         Sessions of one temperature against each other.
+    weights
+        Of rows that state no uncertainty.
     """
 
     machine: Machine
@@ -110,6 +114,7 @@ class States:
     threads: int = 0
     as_given: tuple[Observations, ...] = ()
     repeats: tuple[Repeat, ...] = ()
+    weights: Weights = field(default_factory=Weights)
 
     @property
     def temperatures_degc(self) -> tuple[float, ...]:
@@ -181,6 +186,7 @@ class States:
             self.temperature_fit,
             [state.observations for state in self.states],
             [state.sensitivity for state in self.states],
+            self.weights,
             as_given=self.as_given,
             threads=self.threads,
         )
@@ -213,6 +219,7 @@ class States:
             "difference": {**difference.to_document(), "volume": volume},
             "temperature_terms": [term.to_document() for term in self.model.temperature_terms],
             "misfit_p_value": self.temperature_fit.misfit.p_value,
+            "astray": [{"name": name, "p_value": one} for name, one in self.temperature_fit.astray.items()],
             "left_out": [one.to_document() for one in self.left_out],
             "repeats": [one.to_document() for one in self.repeats],
             "notes": [*self.notes, *self.model.notes],
@@ -265,8 +272,9 @@ def identify_states(
     -----
     Li et al. 2023, §5.2 (room temperature and 120 °C). All states have the same bases, chosen by their
     evidence together: what these cannot follow is the same in every state, and cancels in differences. Offsets of
-    passes are found by restricted likelihood and are part of every uncertainty. The calibration of the cameras is
-    not: it is the same in all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
+    passes are found by restricted likelihood and are part of every uncertainty. Rows of a state whose temperature was
+    not steady are referred to its mean. The calibration of the cameras is no part of uncertainties: it is the same in
+    all states, and cancels. Verified: tests/states, validation/hot_and_cold.py.
     """
     call = "identify_states({20.0: cold, 90.0: hot}, machine)"
     check_machine(machine, [observations], call)
@@ -283,30 +291,33 @@ def identify_states(
     _refuse_contradictions(tables, covariate)
     n_rows = sum(map(len, tables.values()))
     tables, range_mm, notes = within_common_range(tables)
-    common = common_bases(machine, tables, range_mm, dict(bases or {}), threads)
+    weights = weights_of(machine, tables, bases or {}, threads)
+    common = common_bases(machine, tables, range_mm, dict(bases or {}), threads, weights)
     options = FitOptions(bases=common.bases, threads=threads)
-    fits = {temperature: fit_state(machine, table, options) for temperature, table in tables.items()}
+    fits = {temperature: fit_state(machine, table, options, weights) for temperature, table in tables.items()}
     files = {temperature: [part.sources for part in own] for temperature, own in given.items()}
-    repeats = repeats_of(machine, tables, files, common, covariate, options)
-    named = {called(temperature, tables[temperature]): fitted for temperature, (fitted, _, _) in fits.items()}
-    functions = functions_of(machine, named, common)
+    repeats = repeats_of(machine, tables, files, common, covariate, options, weights)
+    fits, referred = at_one_temperature(machine, covariate, tables, fits, common, options, weights)
+    functions = functions_of(machine, {called(one, tables[one]): fit.fitted for one, fit in fits.items()}, common)
     if not functions.names:
         raise _nothing_common(functions)
     states = []
-    for temperature, (fitted, estimate, sensitivity) in fits.items():
-        errors = functions.tables(estimate, "joint", (f"at {temperature:g} °C",))
+    for temperature, one in fits.items():
+        errors = functions.tables(one.estimate, "joint", (f"at {temperature:g} °C",))
         table = tables[temperature]
         mean = float(np.nanmean(table.numbers(covariate)[:, 0]))
-        states.append(State(temperature, mean, table, fitted, errors, estimate, sensitivity))
+        states.append(State(temperature, mean, table, one.fitted, errors, one.estimate, one.sensitivity))
     notes = (
         *filled,
         *notes,
+        *weights.notes,
+        *referred,
         *(_other_mean(state, covariate) for state in states if state.is_named_otherwise),
         *(repeat.sentence for repeat in repeats),
     )
     is_as_given = not filled and sum(map(len, tables.values())) == n_rows
     as_given = tuple(part for own in given.values() for part in own) if is_as_given else ()
-    return States(machine, covariate, functions, tuple(states), notes, threads, as_given, repeats)
+    return States(machine, covariate, functions, tuple(states), notes, threads, as_given, repeats, weights)
 
 
 def _nothing_common(functions: Functions) -> GeometryError:

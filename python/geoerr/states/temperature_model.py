@@ -26,6 +26,7 @@ from geoerr.observations import Observations, as_read_together
 from geoerr.states.functions import Functions
 from geoerr.states.joint import TemperatureFit
 from geoerr.states.shapes import coefficient_name, temperature_terms, term_id
+from geoerr.states.weights import Weights
 from geoerr.terms import Term
 
 # Rows times unknowns of offsets that the joint fit takes along: with three components some 500 MB.
@@ -87,6 +88,7 @@ def temperature_model(
     chosen: TemperatureFit,
     observations: Sequence[Observations],
     sensitivities: Sequence[Numbers],
+    weights: Weights,
     *,
     as_given: Sequence[Observations] = (),
     threads: int = 0,
@@ -101,6 +103,8 @@ def temperature_model(
         For each state how its offsets of passes move its rows, (n, 3, p).
     as_given
         The same rows as tables of their own, under the names of their sessions: what the model knows its data by.
+    weights
+        Of rows that state no uncertainty.
     """
     frame = pl.concat([one.frame for one in observations], how="diagonal_relaxed")
     joined = Observations(frame, tuple(source for one in observations for source in one.sources))
@@ -121,6 +125,7 @@ def temperature_model(
         options=FitOptions(bases=bases, threads=threads),
         rig_sensitivity=offsets,
         rig_covariance=None if offsets is None else np.eye(offsets.shape[2]),
+        sightings=weights.sightings([joined]),
     )
     terms_of_heat = {term.id for term in fitted.terms if covariate in term.variables}
     notes += tuple(
@@ -128,7 +133,8 @@ def temperature_model(
         for item in fitted.not_determined
         if item.name in terms_of_heat
     )
-    return TemperatureModel(_known_by(as_given, result_of(fitted)), covariate, chosen, notes)
+    result = _known_by(as_given, _with_misfit(result_of(fitted), functions, chosen, covariate))
+    return TemperatureModel(result, covariate, chosen, notes)
 
 
 def _known_by(tables: Sequence[Observations], result: FitResult) -> FitResult:
@@ -141,6 +147,35 @@ def _known_by(tables: Sequence[Observations], result: FitResult) -> FitResult:
     sightings = complete_rows(model.machine, read, model.terms)
     known = replace(model, record=replace(record, data_digest=digest_of(sightings)))
     return replace(result, model=known)
+
+
+def _with_misfit(result: FitResult, functions: Functions, chosen: TemperatureFit, covariate: str) -> FitResult:
+    """Add to a model's covariance what functions that break the law of temperature may be off by."""
+    if not chosen.astray:
+        return result
+    model = result.model
+    keys = [(term.id, one.name) for term in model.terms for one in term.coefficients]
+    place_of = {key: place for place, key in enumerate(keys)}
+    own = [(term.id, one.name) for term in functions.terms for one in term.coefficients]
+    own += [(term_id(shape.name, shape.power, covariate), coefficient_name(shape)) for shape in chosen.shapes]
+    kept = [number for number, key in enumerate(own) if key in place_of]
+    places = [place_of[own[number]] for number in kept]
+    assert model.record is not None
+    covariance = model.record.covariance.copy()
+    covariance[np.ix_(places, places)] += chosen.misfit_covariance[np.ix_(kept, kept)]
+    std = dict(zip(keys, np.sqrt(np.maximum(np.diag(covariance), 0.0)), strict=False))
+    terms = tuple(
+        replace(
+            term,
+            coefficients=tuple(
+                one if math.isnan(one.std) else replace(one, std=float(std[term.id, one.name]))
+                for one in term.coefficients
+            ),
+        )
+        for term in model.terms
+    )
+    record = replace(model.record, covariance=covariance)
+    return replace(result, model=Model(model.machine, terms=terms, record=record))
 
 
 def _side_by_side(sensitivities: Sequence[Numbers]) -> Numbers | None:

@@ -90,6 +90,18 @@ def _temperature_lines(states: States) -> Iterator[str]:
         f"what the states show beyond these: {_chance(fit.misfit.p_value)}"
         + ("" if fit.scale == 1.0 else f"; uncertainties are multiplied by {fit.scale:.2f}")
     )
+    if len(fit.temperatures_degc) < 3 and model.temperature_terms:
+        yield from _wrapped(
+            "two temperatures cannot tell growth in proportion from other growth: it is assumed, to a fifth of it in "
+            "100 K in the tables between and beyond (the model file counts noise only); measure a third"
+        )
+    if fit.astray:
+        named = ", ".join(f"{name} (p {_probability(p_value)})" for name, p_value in fit.astray.items())
+        yield from _wrapped(
+            f"not in proportion to the temperature, or its square: {named}; between and beyond the temperatures that "
+            "were measured its uncertainty, in the model file too, counts by how much: measure more temperatures "
+            "between"
+        )
 
 
 def _left_out_lines(states: States) -> Iterator[str]:
