@@ -233,3 +233,30 @@ def test_the_uncertainty_of_an_expansion_counts_the_choice_of_terms(states: Stat
             told, alone = (next(iter(one[f"{shape.name}*T@temp"].coefficients)) for one in (terms, within))
             assert told.name == alone.name == "alpha"
             assert told.std == pytest.approx(np.hypot(alone.std, choice))
+
+
+def test_an_expansion_in_proportion_is_known_better_than_a_square_might_spoil_it(states: States) -> None:
+    """Four states of a machine in proportion: ± is on average within three times that of noise alone."""
+    functions, rng = states.functions, np.random.default_rng(6)
+    shapes = {shape.key: shape.parameters for shape in shapes_of(functions, with_squares=True)}
+    one, ratio = states.states[0].estimate, []
+    for _ in range(12):
+        drawn = {
+            at: replace(
+                one,
+                parameters=(at - 20.0)
+                * sum(
+                    alpha * shapes[name, 1, 1] for name, alpha in (("EXX", 11.5e-6), ("EYY", 17e-6), ("EZZ", 23e-6))
+                )
+                + one.root @ rng.standard_normal(one.root.shape[1]),
+            )
+            for at in (20.0, 60.0, 90.0, 120.0)
+        }
+        fit = fit_temperature(functions, drawn, 20.0)
+        own = np.sqrt(np.diag(fit.covariance)[fit.basis.shape[1] :])
+        ratio += [
+            np.hypot(std, choice) / std
+            for shape, std, choice in zip(fit.shapes, own, fit.std_of_choice, strict=True)
+            if shape.order == 1 and shape.name in ("EXX", "EYY", "EZZ") and shape.power == 1
+        ]
+    assert np.mean(ratio) < 3.0
