@@ -56,6 +56,9 @@ line |= st.sampled_from(
 line |= st.sampled_from(["G52 X0 Y0", "G0 G17 G80", "G53 G0 Z300", "G4 P1 X5", "G92.1", "G92 X5"])
 line |= st.sampled_from(["G28", "M190 S60", "G92 E0", "G10 L2 P1 X5 Y5 Z5", "G10 L2 P2 X0 Y0 Z0", "G55", "G54"])
 line |= st.sampled_from(["T1 D1", "T2 D1", "T2", "T1 M6", "T2 M6", "G17 D1", 'T="A" D1', "T1 G17 S9", "T2 G17 S9"])
+line |= st.sampled_from(
+    ["T=R1 D1", "T#1 D1", "T=R1 M6", "T=R1", "D=R2", "G43 H#3 Z6", "G43 H=R3", "H#3", "T#1 G17 S9"]
+)
 line |= st.sampled_from(["G43", "H1", "H2", "H0", "G49 H0", "G1 X=50", "X=50 Y=-7.5", "G1 X=IC(5) F50", "X=R1*(2)"])
 line |= st.sampled_from(
     ["G1 FZ=0.1", "X1=5", "G115", "G113", "$P_UIFR[1]=5", "$A_OUT[1]=1", "CIP X5", "M101 X5", "M125", "G0 X5 M91"]

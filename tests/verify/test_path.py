@@ -348,6 +348,26 @@ def test_what_was_not_compared_is_not_proved(tmp_path):
     assert run("verify", "path", errors, program, program).exit_code == 0
 
 
+@pytest.mark.parametrize(
+    ("begin", "lacks_zero"),
+    [
+        ("", True),
+        ("M140 S60\n", False),
+        ("G10 L2 P1 X0 Y0 Z0\n", False),
+        ("G92 E0\n", False),
+        ("G10 L2 P1 X0\n", True),
+    ],
+)
+def test_a_zero_that_the_program_tells_is_not_asked_for(tmp_path, begin, lacks_zero):
+    errors = tmp_path / "errors.json"
+    write_errors(errors, model(SMALL).errors)
+    program = written(tmp_path, f"{begin}G28\nG1 X50 Y50 Z10 F600\n")
+    assert compare_paths(model(SMALL), program, program, home_mm=(0.0, 0.0, 0.0)).lacks_zero == lacks_zero
+    failed = run("verify", "path", errors, program, program, "--home", "0,0,0", "--tolerance", "5")
+    assert failed.exit_code == 1
+    assert ("--work-offset" in str(failed.exception)) == lacks_zero
+
+
 UNTOUCHED = """G90
 G0 X10 Y10 Z10
 G1 X60 F300

@@ -110,8 +110,7 @@ def path(
         say(_report(result, is_home_known=home is not None))
     if not result.moves_compared:
         note("note: no move of the program could be compared", quiet)
-    zero_is_told = work_offset is not None or firmware is not None
-    begin = _unsaid(is_home_known=home is not None, zero_is_told=zero_is_told)
+    begin = _unsaid(is_home_known=home is not None, lacks_zero=result.lacks_zero)
     _check(result, tolerance, allow_untouched, firmware, begin)
 
 
@@ -193,7 +192,7 @@ def _check(
 _Problems: TypeAlias = "Iterator[tuple[str, str]]"
 
 
-def _unsaid(*, is_home_known: bool, zero_is_told: bool) -> str:
+def _unsaid(*, is_home_known: bool, lacks_zero: bool) -> str:
     """Ask for what was not said of where a program begins; empty where all was."""
     if not is_home_known:
         return "say where homing leaves the machine, --home"
@@ -201,7 +200,7 @@ def _unsaid(*, is_home_known: bool, zero_is_told: bool) -> str:
     zero = (
         "say where the program's zero is: --work-offset (0,0,0 where it is the machine's), or a printer's --firmware"
     )
-    return "" if zero_is_told else zero
+    return zero if lacks_zero else ""
 
 
 def _off_path(result: PathResult, tolerance_mm: float) -> _Problems:

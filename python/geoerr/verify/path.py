@@ -69,6 +69,8 @@ class PathResult:
         100 % where a rapid move is none any more, or there was no feed. `compensate` keeps the feed.
     moves_with_other_feed
         Moves of which a piece's feed differs by more than 1 %.
+    lacks_zero
+        Whether the first program has machine coordinates, and where its zero is in them nobody has told.
     """
 
     max_error_um_before: float
@@ -90,6 +92,7 @@ class PathResult:
     max_feed_change_percent: float
     max_feed_change_line: int
     moves_with_other_feed: int
+    lacks_zero: bool
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""
@@ -226,6 +229,7 @@ def compare_paths(
         max_feed_change_percent=100.0 * tally.feed_change,
         max_feed_change_line=tally.feed_change_line,
         moves_with_other_feed=tally.n_other_feed,
+        lacks_zero=reader_in.lacks_zero,
     )
 
 

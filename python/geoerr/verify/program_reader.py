@@ -42,6 +42,8 @@ _PATH_LETTERS = frozenset((*_LETTERS, b"E", b"F"))
 _CYCLE_WORDS = frozenset((b"P", b"I", b"J", b"K", b"R")) | _OTHER_AXES
 # Stands for all coordinate systems that are not followed.
 _FURTHER_SYSTEM = 7
+# Numbers from here on stand for those that a controller computes; names of tools have lower ones.
+_FIRST_COMPUTED = 1e12
 # What is this near to the end of an axis is at it.
 _EDGE_MM = 1e-9
 _UNKNOWN: Place = (None, None, None)
@@ -263,13 +265,18 @@ class _Modes:
     kept_override: float = 1.0
     tool_length: float | None = None
     # Siemens' D, and the tool that it is of: their length counts where the program has no G43.
-    tool_edge: tuple[int, float | None] | None = None
+    tool_edge: tuple[float, float | None] | None = None
     # The tool that T has named, and that which M6 put in: before any M6 a T changes the tool.
     tool: float | None = None
+    # Stands for the tool of the last T where the controller computes it; and how much was computed so far.
+    computed_tool: float | None = None
+    n_computed: int = 0
     changed_tool: float | None = None
     has_changed_tool: bool = False
     # Behind G49 or D0 no word means what it did; what does not move does not matter.
     has_lost_length: bool = False
+    # By H0, behind which the H of G43 takes it up again.
+    is_lost_by_h: bool = False
     has_saved_place: bool = False
     system: int = 1
 
@@ -507,39 +514,59 @@ class ProgramReader:
         if self._is_elsewhere:
             self._select_system(_FURTHER_SYSTEM)
         if self._has_edge(statement, words):
-            self._take_edge(int(max(words[b"D"] or 0.0, 0.0)))
+            self._take_edge(self._number_of(words[b"D"]))
         elif self._counts_edges() and _calls_tool(statement, words):
-            self._take_edge(1)
+            self._take_edge(1.0)
         if self._firmware is None and not any(
             code in (15.0, 49.0) or 43.0 <= code < 45.0 for code in statement.codes
         ):
-            self._take_length(words.get(b"H"))
+            self._take_length(words)
 
-    def _take_length(self, number: float | None) -> None:
-        """Take another length by H alone while G43 holds; H0 takes none."""
+    def _take_length(self, words: dict[bytes, float | None]) -> None:
+        """Take another length by H alone while G43 holds; H0 takes none until the H of G43."""
         modes = self._modes
-        if number is None or modes.tool_length in (None, number):
+        if b"H" not in words or modes.tool_length is None:
             return
-        if number == 0.0:
+        number = self._number_of(words[b"H"])
+        if number == modes.tool_length:
+            # What G49 has ended H alone does not take up again.
+            modes.has_lost_length &= not modes.is_lost_by_h
+            modes.is_lost_by_h = False
+        elif number == 0.0:
+            modes.is_lost_by_h |= not modes.has_lost_length
             modes.has_lost_length = True
         else:
             modes.tool_length = number
             self._lose_zero()
 
+    def _number_of(self, number: float | None) -> float:
+        """Give the tool, edge or length that a word means; what the controller computes equals no other."""
+        if number is not None:
+            return float(math.floor(max(number, 0.0)))
+        self._modes.n_computed += 1
+        return _FIRST_COMPUTED + self._modes.n_computed
+
     def _take_tool(self, statement: Statement, words: dict[bytes, float | None]) -> None:
         """Take over the tool of a line; another one than that of the D that holds has another length."""
         modes, named = self._modes, words.get(b"T")
         if named is not None:
-            before, modes.tool = modes.tool, float(math.floor(max(named, 0.0)))
+            before, modes.tool = modes.tool, self._number_of(named)
             # Programs begin with the tool 0, if they name none.
             self._extruder.is_lost |= (before or 0.0) != modes.tool
+        if b"T" in words:
+            # Printers have no lengths of tools.
+            is_computed = named is None and self._firmware is None
+            modes.computed_tool = self._number_of(None) if is_computed else None
         if 6.0 in statement.m_codes:
-            modes.has_changed_tool, modes.changed_tool = True, modes.tool
+            modes.has_changed_tool, modes.changed_tool = True, self._named_tool()
         if self._counts_edges() and modes.tool_edge is not None and modes.tool_edge[1] != self._tool_in_use():
             modes.has_lost_length = True
 
     def _tool_in_use(self) -> float | None:
-        return self._modes.changed_tool if self._modes.has_changed_tool else self._modes.tool
+        return self._modes.changed_tool if self._modes.has_changed_tool else self._named_tool()
+
+    def _named_tool(self) -> float | None:
+        return self._modes.tool if self._modes.computed_tool is None else self._modes.computed_tool
 
     def _counts_edges(self) -> bool:
         """Tell whether a D may be a tool's edge: behind G43 it is a radius, to printers nothing."""
@@ -549,9 +576,9 @@ class ProgramReader:
         """Tell whether a line has an edge of a tool, which is not the D of a code on it."""
         codes = frozenset(statement.codes)
         is_free = all(code in _LEAVING_D or _selects_system(code) for code in codes) and words.keys() <= _BESIDE_D
-        return words.get(b"D") is not None and is_free and self._counts_edges()
+        return b"D" in words and is_free and self._counts_edges()
 
-    def _take_edge(self, edge: int) -> None:
+    def _take_edge(self, edge: float) -> None:
         modes, now = self._modes, (edge, self._tool_in_use())
         if modes.tool_edge is None and edge:
             modes.tool_edge = now
@@ -591,7 +618,9 @@ class ProgramReader:
             self._pass_over()
             return None
         has_numbers = _has_numbers(words)
-        takes_parameters = _TAKES_PARAMETERS & set(statement.codes) or self._has_edge(statement, words)
+        takes_parameters = _TAKES_PARAMETERS & set(statement.codes) or (
+            self._has_edge(statement, words) and words[b"D"] is not None
+        )
         known = _MOVE_LETTERS | (_PARAMETERS if takes_parameters else frozenset())
         is_odd = modes.motion == "straight" and not words.keys() <= known
         is_template = statement.has_placeholder and not has_numbers and not _OTHER_AXES & words.keys()
@@ -765,7 +794,7 @@ class ProgramReader:
         elif code in _TRANSFORM_ENDS:
             modes.transforms.discard(code)
         elif code in (43.0, 49.0):
-            self._tool_length(code, words.get(b"H"))
+            self._tool_length(code, words)
         elif 43.0 < code < 45.0:
             self._lose_zero()
         elif code == 60.0:
@@ -790,15 +819,18 @@ class ProgramReader:
             self._forget()
         return motion is not None
 
-    def _tool_length(self, code: float, number: float | None) -> None:
+    def _tool_length(self, code: float, words: dict[bytes, float | None]) -> None:
         modes = self._modes
-        # Without H it is that of the tool in use (LinuxCNC).
-        of_tool = self._tool_in_use()
-        length = number if number is not None else -1.0 if of_tool is None else of_tool
         if code == 49.0:
             modes.has_lost_length |= modes.tool_length is not None
+            modes.is_lost_by_h = False
             return
-        modes.has_lost_length = False
+        # Without H it is that of the tool in use (LinuxCNC).
+        of_tool = self._tool_in_use()
+        length = -1.0 if of_tool is None else of_tool
+        if b"H" in words:
+            length = self._number_of(words[b"H"])
+        modes.has_lost_length = modes.is_lost_by_h = False
         if modes.tool_length is None:
             self._forget_height()
         elif modes.tool_length != length:
@@ -990,8 +1022,8 @@ def _calls_tool(statement: Statement, words: dict[bytes, float | None]) -> bool:
     """Tell whether a line calls a tool with its length, `T2 G17 S3000` of Heidenhain's controls."""
     letters = frozenset((b"F", b"S", b"T"))
     is_plane = bool(statement.codes) and all(code in (17.0, 18.0, 19.0) for code in statement.codes)
-    has_numbers = words.get(b"T") is not None and words.get(b"S") is not None
-    return is_plane and has_numbers and words.keys() <= letters and not statement.m_codes
+    has_both = b"T" in words and words.get(b"S") is not None
+    return is_plane and has_both and words.keys() <= letters and not statement.m_codes
 
 
 def _heats(statement: Statement) -> bool:

@@ -29,6 +29,9 @@ _ASSIGNED = re.compile(
 _NAMED_TOOLS = 10**9
 _WORD = re.compile(rb"([A-Za-z])[ \t]*(?:([-+]?(?:\d+\.?\d*|\.\d+))|%b)?" % _COMPUTED)
 _WORDS = re.compile(rb"(?:[ \t]*%b)*[ \t]*" % _WORD.pattern)
+# A number of a tool, edge or length at the end of what can be read, and what can be no value there.
+_CUT = re.compile(rb"[DdHhTt][ \t]*$")
+_UNREADABLE_VALUE = re.compile(rb"[-+.=\[#]|\{[^}]*$")
 _NAME = re.compile(rb"[A-Za-z_]{2}\w*|[A-Za-z]\d[\d.]*_\w*")
 _PLACEHOLDER = re.compile(rb"\{[a-z][a-z0-9_]*\}")
 
@@ -213,7 +216,7 @@ def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement
     readable = _WORDS.match(filled)
     # Behind what cannot be read, nothing is believed.
     end = 0 if readable is None else readable.end()
-    pairs = _WORD.findall(filled[:end])
+    pairs = _pairs(filled[:end], filled[end:])
     statement = _sorted(pairs, is_readable=end == len(filled))
     if filled != text or has_checksum:
         statement = replace(statement, has_placeholder=filled != text, has_checksum=has_checksum)
@@ -227,6 +230,13 @@ def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement
         # Whether it runs is decided at the machine; a mode that may not hold spoils everything behind it.
         return _ANYWHERE if all(code in (0.0, 1.0) for code in statement.codes) else _BRANCH
     return statement
+
+
+def _pairs(words: bytes, unreadable: bytes) -> list[tuple[bytes, bytes]]:
+    """Give the letters of words with their digits; a tool, edge or length whose value cannot be read is none."""
+    pairs = _WORD.findall(words)
+    is_cut = _CUT.search(words) is not None and _UNREADABLE_VALUE.match(unreadable) is not None
+    return pairs[:-1] if is_cut else pairs
 
 
 def _may_move(statement: Statement, *, is_computed: bool) -> bool:

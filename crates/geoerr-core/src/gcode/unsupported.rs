@@ -72,10 +72,11 @@ pub enum Unsupported {
     },
     /// A second edge of a tool (Siemens' `D2`), or its end.
     #[error(
-        "D{number} changes the tool length, and with it the machine position, by a number the program does not tell"
+        "{} changes the tool length, and with it the machine position, by a number the program does not tell",
+        edge(.number)
     )]
     OtherEdge {
-        /// Number of the edge.
+        /// Number of the edge; `u32::MAX` where the controller computes it.
         number: u32,
     },
     /// Another tool than that of the `D` that holds (Siemens).
@@ -361,6 +362,10 @@ impl Unsupported {
             | Self::NoInches => After::EverythingLost,
         }
     }
+}
+
+fn edge(number: &u32) -> String {
+    if *number == u32::MAX { "this D".to_owned() } else { format!("D{number}") }
 }
 
 fn code(code10: &u32) -> String {

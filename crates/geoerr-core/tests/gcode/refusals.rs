@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 147] = [
+    let cases: [(&str, Unsupported); 165] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -115,6 +115,21 @@ fn every_unsupported_line_has_its_reason() {
         ("D1\nT2 D1", Unsupported::LengthOfOtherTool),
         ("T=\"MILL 10\" D1\nT=\"MILL 8\"\nD1", Unsupported::LengthOfOtherTool),
         ("T1 G17 S5000\nT2 G17 S2000", Unsupported::LengthOfOtherTool),
+        // What a controller computes may be any tool, edge or length.
+        ("T1 D1\nG1 Z5\nT=R1 D1\nG1 Z6", Unsupported::LengthOfOtherTool),
+        ("T1 D1\nG1 Z5\nT#1 D1\nG1 Z6", Unsupported::LengthOfOtherTool),
+        ("T1 D1\nG1 Z5\nT=R1\nG1 Z6", Unsupported::LengthOfOtherTool),
+        ("T=R1 D1\nG1 Z5\nT=R1 D1\nG1 Z6", Unsupported::LengthOfOtherTool),
+        ("T=R1 D1\nG1 Z5\nT1 D1\nG1 Z6", Unsupported::LengthOfOtherTool),
+        ("T1 M6\nD1\nG1 Z5\nT=R1 M6\nD1\nG1 Z6", Unsupported::LengthOfOtherTool),
+        ("T=R1 G17 S5000\nG1 Z5\nT2 G17 S2000", Unsupported::LengthOfOtherTool),
+        ("T1 D1\nG1 Z5\nD=R2\nG1 Z6", Unsupported::OtherEdge { number: u32::MAX }),
+        ("D=R2\nG1 Z5\nD=R2\nG1 Z6", Unsupported::OtherEdge { number: u32::MAX }),
+        ("T1 M6\nG43 H1\nG1 Z5\nG43 H#3 Z6", Unsupported::OtherToolLength { code10: 430 }),
+        ("T1 M6\nG43 H1\nG1 Z5\nG43 H=R3 Z6", Unsupported::OtherToolLength { code10: 430 }),
+        ("T1 M6 G43\nG1 Z5\nT#2 M6\nG43", Unsupported::OtherToolLength { code10: 430 }),
+        ("G43 H#3\nG1 Z5\nG43 H#3\nG1 Z6", Unsupported::OtherToolLength { code10: 430 }),
+        ("G43 H1\nG1 Z5\nH#3\nG1 Z6", Unsupported::OtherToolLength { code10: 430 }),
         ("G17 G54 D1\nG90 D2", Unsupported::OtherEdge { number: 2 }),
         ("G0 Z5 D1\nG0 G40 Z6 D2", Unsupported::OtherEdge { number: 2 }),
         // Inches to Siemens' and Heidenhain's controls, and a cycle to others.
@@ -175,6 +190,11 @@ fn every_unsupported_line_has_its_reason() {
         ("T1 M6 G43\nG0 Z5\nG43 T2 M6", Unsupported::OtherToolLength { code10: 430 }),
         ("G43 H1\nG0 Z5\nH2", Unsupported::OtherToolLength { code10: 430 }),
         ("G43 H1\nG0 Z5\nH0\nG0 Z6", Unsupported::OtherToolLength { code10: 430 }),
+        ("G43 H1\nH0\nH2\nG1 Z6", Unsupported::OtherToolLength { code10: 430 }),
+        // H alone takes up what H0 ended, and not what G49 did.
+        ("G43 H1\nG49\nH1\nG1 Z5", Unsupported::OtherToolLength { code10: 490 }),
+        ("G43 H1\nG49\nH0\nH1\nG1 Z5", Unsupported::OtherToolLength { code10: 490 }),
+        ("G43 H1\nH0\nG49\nH1\nG1 Z5", Unsupported::OtherToolLength { code10: 490 }),
         ("G12.1", Unsupported::Transformed { code10: 121 }),
         ("G112", Unsupported::Transformed { code10: 1120 }),
         ("G500", Unsupported::UnknownSystem { code10: 5000 }),
@@ -307,6 +327,11 @@ fn codes_that_do_nothing_here_pass() {
         "D0",
         "T1 M6 G43\nT2\nG43\nG1 Z5",
         "G43 H1\nH1\nG1 Z5",
+        "G43 H1\nG1 Z5\nH0\nH1\nG1 Z6",
+        "G43 H#3\nG1 Z5",
+        "T=R1 D1\nG1 Z5\nD1\nG1 Z6",
+        "T#1 M6 G43\nG1 Z5\nG43\nG1 Z6",
+        "G43 H1\nG1 Z5\nT=R1 M6\nG1 X0 Y0 Z5\nG43 H1\nG1 Z6",
         "G43 H1 Z5\nG49 H0\nM30",
         "T1 M6\nD1\nT2\nD1\nG1 Z5",
         "T1 D1\nT1\nM6\nD1\nG1 Z5",

@@ -82,10 +82,14 @@ struct Modes {
     /// Number of the tool length (`H`; None = without number) once `G43` has been met.
     tool_length: Option<Option<u64>>,
     /// Number of the tool's edge (Siemens' `D`) once one has been met, and the tool whose edge it is.
-    tool_edge: Option<(u32, Option<u64>)>,
+    tool_edge: Option<(u64, Option<u64>)>,
     /// Which code has ended the tool length that the zero has in it: no axis word means what it did.
     lost_length: Option<Unsupported>,
     tool: Option<u64>,
+    /// Stands for the tool of the last `T` where the controller computes it.
+    computed_tool: Option<u64>,
+    /// Tools, edges and lengths so far whose numbers the controller computes.
+    n_computed: u64,
     /// The tool that the last `M6` put in; None before any: then `T` changes the tool.
     changed_tool: Option<Option<u64>>,
     has_saved_place: bool,
@@ -197,6 +201,8 @@ impl Reader {
                 tool_edge: None,
                 lost_length: None,
                 tool: None,
+                computed_tool: None,
+                n_computed: 0,
                 changed_tool: None,
                 has_saved_place: false,
                 shifted: [false; 3],

@@ -10,10 +10,27 @@ use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::{After, Unsupported};
 use crate::gcode::words::Words;
 
+/// Numbers from here on stand for those that a controller computes: no program counts its tools so far, and names have
+/// higher ones.
+const FIRST_COMPUTED: u64 = 1 << 62;
+
 impl Modes {
     /// The tool that M6 put in, or T named where the program has no M6.
     fn tool_in_use(&self) -> Option<u64> {
-        self.changed_tool.unwrap_or(self.tool)
+        self.changed_tool.unwrap_or(self.named_tool())
+    }
+
+    /// The tool of the last T.
+    fn named_tool(&self) -> Option<u64> {
+        self.computed_tool.or(self.tool)
+    }
+
+    /// The tool, edge or length that a word means: one that the controller computes equals no other, not even itself.
+    fn number_of(&mut self, word: &Word) -> u64 {
+        word.tool().unwrap_or_else(|| {
+            self.n_computed += 1;
+            FIRST_COMPUTED + self.n_computed
+        })
     }
 
     /// An F word. `F0` leaves a printer's feed as it was; other controllers do not run it.
@@ -126,8 +143,10 @@ impl Reader {
                 asked.length_code = Some(code10);
                 modes.lost_length = None;
                 // Without H it is that of the tool in use (LinuxCNC).
-                let told = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64);
-                let number = told.or(modes.tool_in_use());
+                let number = match &words.h {
+                    Some(word) => Some(modes.number_of(word)),
+                    None => modes.tool_in_use(),
+                };
                 let old = modes.tool_length.replace(number);
                 if old.is_some_and(|old| old != number) {
                     asked.refuse(Unsupported::OtherToolLength { code10 });
@@ -210,29 +229,31 @@ impl Reader {
             return;
         }
         self.lose_length_of_another_tool();
-        let edge = line.words.iter().rev().find(|word| word.letter == b'D').and_then(|word| word.number());
+        let edge = line.words.iter().rev().find(|word| word.letter == b'D');
         if let Some(edge) = edge
             && is_unclaimed
             && line.words.iter().all(leaves_d_to_the_tool)
         {
-            self.asked.takes_parameters = true;
-            self.tool_edge(edge.to_f64() as u32, body);
+            self.asked.takes_parameters |= edge.tool().is_some();
+            let number = self.modes.number_of(edge);
+            self.tool_edge(number, body);
         } else if edge.is_none() && calls_tool(line) {
             self.tool_edge(1, body);
         }
     }
 
-    /// `H2` alone, which takes another length while `G43` holds, and `H0`, which takes none (Fanuc).
+    /// `H2` alone, which takes another length while `G43` holds, and `H0`, which takes none until the H of `G43` (Fanuc).
     fn length_by_h(&mut self, words: &Words) {
-        let Some(number) = words.h.and_then(|word| word.number()).map(|number| number.to_f64() as u64) else {
-            return;
-        };
+        let Some(word) = &words.h else { return };
+        let number = self.modes.number_of(word);
         let what = Unsupported::OtherToolLength { code10: 430 };
         if self.modes.tool_length == Some(Some(number)) {
+            // What G49 has ended H alone does not take up again.
+            self.modes.lost_length.take_if(|lost| *lost == what);
             return;
         }
         if number == 0 {
-            self.modes.lost_length = Some(what);
+            self.modes.lost_length.get_or_insert(what);
         } else {
             self.modes.tool_length = Some(Some(number));
             self.asked.refuse(what);
@@ -271,24 +292,21 @@ impl Reader {
     }
 
     /// `D2` of Siemens' controls, which takes the length of the tool's second edge.
-    fn tool_edge(&mut self, number: u32, body: &[u8]) {
+    fn tool_edge(&mut self, number: u64, body: &[u8]) {
         let tool = self.modes.tool_in_use();
         let modes = &mut self.modes;
+        let other = Unsupported::OtherEdge { number: u32::try_from(number).unwrap_or(u32::MAX) };
         match modes.tool_edge {
             None if number == 0 => {}
             None => {
                 modes.tool_edge = Some((number, tool));
                 self.first_tool_length(body);
             }
-            Some(_) if number == 0 => modes.lost_length = Some(Unsupported::OtherEdge { number }),
+            Some(_) if number == 0 => modes.lost_length = Some(other),
             Some(old) if old == (number, tool) => modes.lost_length = None,
             Some((_, of)) => {
                 (modes.tool_edge, modes.lost_length) = (Some((number, tool)), None);
-                self.asked.refuse(if of == tool {
-                    Unsupported::OtherEdge { number }
-                } else {
-                    Unsupported::LengthOfOtherTool
-                });
+                self.asked.refuse(if of == tool { other } else { Unsupported::LengthOfOtherTool });
             }
         }
     }
@@ -322,9 +340,12 @@ impl Reader {
     pub(super) fn tools(&mut self, line: &Line, body: &[u8]) {
         for word in line.words.iter().filter(|word| word.letter == b'T') {
             self.tool(word.tool(), body);
+            // Printers have no lengths of tools.
+            let is_computed = word.tool().is_none() && self.options.firmware.is_none();
+            self.modes.computed_tool = is_computed.then(|| self.modes.number_of(word));
         }
         if line.words.iter().any(|word| word.letter == b'M' && word.code10() == Some(60)) {
-            self.modes.changed_tool = Some(self.modes.tool);
+            self.modes.changed_tool = Some(self.modes.named_tool());
         }
     }
 
@@ -366,8 +387,9 @@ fn leaves_d_to_the_tool(word: &Word) -> bool {
 
 /// Whether a line calls a tool with its length, `T2 G17 S3000` of Heidenhain's controls.
 fn calls_tool(line: &Line) -> bool {
-    let has = |letter: u8| line.words.iter().any(|word| word.letter == letter && word.number().is_some());
+    let has_tool = line.words.iter().any(|word| word.letter == b'T');
+    let has_speed = line.words.iter().any(|word| word.letter == b'S' && word.number().is_some());
     let is_plane = |word: &Word| word.letter == b'G' && matches!(word.code10(), Some(170 | 180 | 190));
     let is_of_call = |word: &Word| is_plane(word) || matches!(word.letter, b'F' | b'S' | b'T');
-    has(b'T') && has(b'S') && line.words.iter().any(is_plane) && line.words.iter().all(is_of_call)
+    has_tool && has_speed && line.words.iter().any(is_plane) && line.words.iter().all(is_of_call)
 }
