@@ -31,8 +31,8 @@ from geoerr.states.shapes import Shape, shapes_of
 _FALSE_ALARMS = 0.05
 # Less probable than this, what the model misses is not chance, and its uncertainties are scaled (Birge).
 _SIGNIFICANCE = 0.01
-# Standard deviation of T² as a share of T at 100 K, where two states cannot tell it: lengths of machines grow by a
-# tenth to a third more than in proportion, where something in them warms unlike the sensor.
+# Standard deviation of T² as a share of T at 100 K, where two states cannot tell it: chosen, not measured. A fifth
+# off proportion is within one, a third within two.
 _SQUARE = 0.2
 # How often the variance of functions that break the law is found anew.
 _ROUNDS = 4
