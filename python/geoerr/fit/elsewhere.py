@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from scipy import stats
 
+from geoerr.distributions import chi_squared_sf
 from geoerr.fit.classic import positions_by_axis
 from geoerr.fit.figures import figures_of
 from geoerr.fit.fitted import Fitted
@@ -99,7 +99,7 @@ class LeftOut:
         times = float(square_mm2.sum()) / max(float(self.expected_shift_mm2.mean()), np.finfo(float).tiny)
         n_places = len(self.shift_mm)
         # Of the components of a place one may be all that is off, and neighbours share rows: one number a place.
-        if stats.chi2.sf(n_places * times, n_places) >= level:
+        if chi_squared_sf(n_places * times, n_places) >= level:
             return np.zeros(3)
         return np.asarray((1.0 - 1.0 / times) * square_mm2)
 
