@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hot_machines import gantry
+from validation.hidden_effects.chain import Displacements
 from validation.hot_and_cold import Hot, observe
 
 from geoerr.errors import GeometryError
@@ -28,7 +29,7 @@ def run_over(hot: Hot, degc: float, begins_mm: float, ends_mm: float = 0.0) -> O
     inner = replace(hot.machine, axes=axes)
 
     class Inside(Hot):
-        def moved(self, q_mm, temperature_degc):  # type: ignore[no-untyped-def]
+        def moved(self, q_mm: np.ndarray, temperature_degc: float) -> Displacements:
             return hot.moved(q_mm, temperature_degc)
 
     return replace(observe(Inside(inner, hot.cold, hot.heat), degc, 3), sources=(f"at-{degc:g}.csv",))
