@@ -13,7 +13,7 @@ from geoerr.error_functions import LINEAR_AND_ANGULAR
 from geoerr.fit import FitOptions, Fitted, fit_terms, sightings_of
 from geoerr.observations import Observations
 from geoerr.states.blocks import blocks_of, passes_from_turns
-from geoerr.states.offsets import _Likelihood, _sums, pass_offsets, root_of_correlation
+from geoerr.states.offsets import _Likelihood, _Sums, _sums, pass_offsets, root_of_correlation
 
 # Moments of a line, there and back, whose turn is one of them.
 MOMENTS = 2 * N_POINTS - 1
@@ -84,7 +84,8 @@ def test_the_likelihood_is_that_of_dense_matrices(shaken: Fitted) -> None:
     root = root_of_correlation(blocks.correlation(1.0, 1.0, 0.0))
     gram, pull = _sums(shaken, block, len(blocks))
     noise = np.full(3, 1e-4)
-    likelihood = _Likelihood.of(gram, pull, root, noise, shaken.solved.chi_squared, shaken.dof)
+    sums = _Sums(blocks, gram, pull, noise, shaken.solved.chi_squared, shaken.dof)
+    likelihood = _Likelihood.of(sums, root)
 
     problem = shaken.problem
     design = problem.design(shaken.solved.state, np.ones(n), 0, n, 1)

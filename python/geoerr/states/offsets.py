@@ -143,12 +143,11 @@ class _Likelihood:
     dof: float
 
     @classmethod
-    def of(
-        cls, gram: Numbers, pull: Numbers, root: Numbers, noise: Numbers, square: float, dof: float
-    ) -> _Likelihood:
+    def of(cls, sums: _Sums, root: Numbers) -> _Likelihood:
+        """Turn sums into those of unknowns of unit variance, of which a root (b, k) makes the blocks' offsets."""
         size = 3 * root.shape[1]
-        turned = np.einsum("ba,bcde,df->acfe", root, gram, root, optimize=True)
-        return cls(turned.reshape(size, size), (root.T @ pull).ravel(), noise, square, dof)
+        turned = np.einsum("ba,bcde,df->acfe", root, sums.gram, root, optimize=True)
+        return cls(turned.reshape(size, size), (root.T @ sums.pull).ravel(), sums.noise, sums.square, sums.dof)
 
     def _scaled(self, log_ratio: Numbers) -> tuple[Numbers, Numbers]:
         root = np.tile(np.sqrt(self.noise * np.exp(log_ratio)), len(self.pull) // 3)
@@ -225,7 +224,7 @@ class _Sums:
     def best(self, pass_share: float, memory: float, carrier_share: float) -> _Found:
         """Try sizes of offsets with one correlation."""
         root = root_of_correlation(self.blocks.correlation(pass_share, memory, carrier_share))
-        likelihood = _Likelihood.of(self.gram, self.pull, root, self.noise, self.square, self.dof)
+        likelihood = _Likelihood.of(self, root)
         trials = np.linspace(math.log(_LEAST), math.log(_MOST), _STARTS)
         values = [likelihood(np.full(3, one)) for one in trials]
         place = int(np.argmin(values))
