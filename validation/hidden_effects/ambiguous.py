@@ -265,11 +265,13 @@ def _posed(case: Case, plan: Plan, motion: Any, by_moment: dict[str, Array], set
 
 def tables(lines: Sequence[dict[str, Any]]) -> str:
     """Give what became of ties."""
+    # Sets come as they are done, two at once.
+    lines = sorted(lines, key=lambda line: line["key"])
     by_cell: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for line in lines:
         by_cell[line["cell"]].append(line)
     rows = []
-    for cell, own in [("all", list(lines)), *by_cell.items()]:
+    for cell, own in [("all", lines), *by_cell.items()]:
         asked = [one for one in own if not one["failed"]]
         tied = [one for one in asked if one["how"] in ("tied", "second")]
         advised = [one for one in tied if "advised" in one]
