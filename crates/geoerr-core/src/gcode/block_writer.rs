@@ -177,8 +177,13 @@ impl BlockWriter {
         summary.moves_corrected += 1;
         summary.extrusion_out += in_mm(written.extrusion, a_move.is_inch);
         for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(a_move.end_mm) {
-            *low_mm = if end_mm < *low_mm { end_mm } else { *low_mm };
-            *high_mm = if end_mm > *high_mm { end_mm } else { *high_mm };
+            // Few moves go further than all before: that is guessed rightly.
+            if end_mm < *low_mm {
+                *low_mm = end_mm;
+            }
+            if end_mm > *high_mm {
+                *high_mm = end_mm;
+            }
         }
         for node in nodes {
             let correction_mm2 =

@@ -1,6 +1,6 @@
 //! Lines that are being written: bytes in one place, copied in pieces of a fixed length where they are short.
 
-use super::decimal::{FIXED_BYTES, fixed, short_fixed};
+use super::decimal::{FIXED_BYTES, SHORT_BYTES, fixed, short_fixed};
 
 /// Bytes that are copied at once, wanted or not: a copy whose length is known costs no call.
 const AT_ONCE: usize = 16;
@@ -69,8 +69,8 @@ impl Draft {
     /// Appends `scaled / 10^digits`.
     #[inline]
     pub fn number(&mut self, scaled: i64, digits: u8) {
-        if let Some(place) = self.bytes.get_mut(self.length..)
-            && let Some(place) = place.first_chunk_mut()
+        if let Some(place) = self.bytes.get_mut(self.length..self.length + SHORT_BYTES)
+            && let Ok(place) = place.try_into()
             && let Some(n_bytes) = short_fixed(place, scaled, digits)
         {
             self.length += n_bytes;

@@ -65,8 +65,47 @@ impl PlainMove {
     /// Into memory that is there: a line is short beside what is read of it.
     #[inline]
     pub fn read(&mut self, text: &[u8]) -> bool {
-        self.forget();
-        self.words(text).is_some()
+        self.usual(text).or_else(|| self.words(text)).is_some()
+    }
+
+    /// Reads `G1 X1.5 Y2.5 E0.5` and `G1 X1.5 Y2.5`, of which most programs of slicers consist: no word is looked for that
+    /// does not come next, and nothing has to be told of their order.
+    #[inline]
+    fn usual(&mut self, text: &[u8]) -> Option<()> {
+        if text.first_chunk()? != b"G1 X" {
+            return None;
+        }
+        let (x, behind_x) = number(text, 4)?;
+        if text.get(behind_x..behind_x + 2)? != b" Y" {
+            return None;
+        }
+        let (y, behind_y) = number(text, behind_x + 2)?;
+        let mut length = behind_y;
+        let mut extruder = None;
+        if text.get(behind_y..behind_y + 2)? == b" E" {
+            let (e, behind_e) = number(text, behind_y + 2)?;
+            extruder = Some((Span { start: behind_y as u32 + 1, end: behind_e as u32 }, e));
+            length = behind_e;
+        }
+        if *text.get(length)? != b'\n' {
+            return None;
+        }
+        (self.length, self.length_with_end) = (length, length + 1);
+        (self.is_rapid, self.feed) = (Some(false), None);
+        self.axes = Known::all([x.to_f64(), y.to_f64(), f64::NAN]);
+        self.extruder = extruder.map(|(_, number)| number);
+        let x = Span { start: 3, end: behind_x as u32 };
+        let y = Span { start: behind_x as u32 + 1, end: behind_y as u32 };
+        self.text = MoveText {
+            axes: [Some(x), Some(y), None],
+            extruder: extruder.map(|(span, _)| span),
+            motion: Some(Span { start: 0, end: 2 }),
+            behind_axes: y.end,
+            is_in_order: true,
+            is_spaced: true,
+            ..MoveText::default()
+        };
+        Some(())
     }
 
     /// What a line may leave as it is; a whole new move would be made elsewhere and copied.
@@ -80,6 +119,7 @@ impl PlainMove {
 
     #[inline]
     fn words(&mut self, text: &[u8]) -> Option<()> {
+        self.forget();
         // Which of X, Y, Z, E, F there were, a bit each, and how long all words are without the blanks between them.
         let (mut seen, mut n_words, mut n_bytes) = (0_u8, 0_u32, 0);
         self.text.is_in_order = true;

@@ -4,22 +4,24 @@ use super::draft::Draft;
 use super::lexer::Span;
 use super::words::MoveText;
 
-/// A word of a piece.
+/// `E` of a piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PieceWord {
     /// As it was written, if there is one.
     Kept,
     /// This many units of the last printed digit.
     New(i64),
-    /// No word: an axis stays, nothing is extruded.
+    /// No word: nothing is extruded.
     Absent,
 }
 
 /// The words of a piece.
 #[derive(Clone, Copy, Debug)]
 pub struct PieceWords {
-    /// X, Y, Z.
-    pub axes: [PieceWord; 3],
+    /// X, Y, Z in units of the last printed digit.
+    pub steps: [i64; 3],
+    /// Which of them are written; of the others the line has what it had, if anything.
+    pub is_new: [bool; 3],
     /// Digits behind their points.
     pub digits: u8,
     /// E.
@@ -67,35 +69,37 @@ impl Rewording<'_> {
         self.at = end;
     }
 
-    /// A word of the line: of a new one the letter stays.
+    /// Another number behind the letter of a word of the line.
     #[inline]
-    fn word(&mut self, span: Option<Span>, word: PieceWord, digits: u8) {
-        if let (Some(span), PieceWord::New(scaled)) = (span, word) {
-            self.up_to(span.start as usize + 1);
-            self.draft.number(scaled, digits);
-            self.at = span.end as usize;
-        }
+    fn number(&mut self, span: Span, scaled: i64, digits: u8) {
+        self.up_to(span.start as usize + 1);
+        self.draft.number(scaled, digits);
+        self.at = span.end as usize;
     }
 
     #[inline]
     fn axis(&mut self, axis: usize) {
-        self.word(self.text.axes[axis], self.words.axes[axis], self.words.digits);
+        if let (Some(span), true) = (self.text.axes[axis], self.words.is_new[axis]) {
+            self.number(span, self.words.steps[axis], self.words.digits);
+        }
     }
 
     /// Axes that the line did not give.
     #[inline]
     fn absent_axes(&mut self) {
         for axis in 0..3 {
-            if let (None, PieceWord::New(steps)) = (self.text.axes[axis], self.words.axes[axis]) {
+            if self.words.is_new[axis] && self.text.axes[axis].is_none() {
                 self.up_to(self.text.behind_axes as usize);
-                axis_word(self.draft, self.text, self.text.is_spaced, axis, steps, self.words.digits);
+                axis_word(self.draft, self.text, self.text.is_spaced, axis, self.words);
             }
         }
     }
 
     #[inline]
     fn extruder(&mut self) {
-        self.word(self.text.extruder, self.words.extruder, self.words.extruder_digits);
+        if let (Some(span), PieceWord::New(units)) = (self.text.extruder, self.words.extruder) {
+            self.number(span, units, self.words.extruder_digits);
+        }
     }
 
     #[cold]
@@ -128,11 +132,9 @@ pub fn further_piece(draft: &mut Draft, source: &[u8], text: &MoveText, words: &
         draft.copy(source, span.start as usize, span.end as usize);
         is_spaced = text.is_spaced;
     }
-    for (axis, word) in words.axes.iter().enumerate() {
-        if let PieceWord::New(steps) = word {
-            axis_word(draft, text, is_spaced, axis, *steps, words.digits);
-            is_spaced = text.is_spaced;
-        }
+    for axis in (0..3).filter(|&axis| words.is_new[axis]) {
+        axis_word(draft, text, is_spaced, axis, words);
+        is_spaced = text.is_spaced;
     }
     let Some(span) = text.extruder.filter(|_| words.extruder != PieceWord::Absent) else { return };
     if text.is_spaced {
@@ -147,11 +149,11 @@ pub fn further_piece(draft: &mut Draft, source: &[u8], text: &MoveText, words: &
 }
 
 #[inline]
-fn axis_word(draft: &mut Draft, text: &MoveText, is_spaced: bool, axis: usize, steps: i64, digits: u8) {
+fn axis_word(draft: &mut Draft, text: &MoveText, is_spaced: bool, axis: usize, words: &PieceWords) {
     if is_spaced {
         draft.push(b' ');
     }
     let letters = if text.is_lower { b"xyz" } else { b"XYZ" };
     draft.push(letters[axis]);
-    draft.number(steps, digits);
+    draft.number(words.steps[axis], words.digits);
 }

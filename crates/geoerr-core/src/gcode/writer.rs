@@ -8,7 +8,7 @@ use super::options::{Options, unit_mm};
 use super::path::Node;
 use super::reader::Move;
 use super::shares::Shares;
-use super::wording::{PieceWord, PieceWords, first_piece, further_piece};
+use super::wording::{PieceWords, first_piece, further_piece};
 
 /// A line as it comes in.
 #[derive(Clone, Copy, Debug)]
@@ -100,7 +100,7 @@ impl Writer {
         };
         let words = self.words(a_move, first, 0, &print);
         let is_whole = further.is_empty();
-        let is_changed = !is_whole || words.axes.iter().any(|word| matches!(word, PieceWord::New(_)));
+        let is_changed = !is_whole || words.is_new != [false; 3];
         draft.make_room(line.body.len() + line.ending.len());
         let end = line.body.len() + if is_whole { line.ending.len() } else { 0 };
         first_piece(draft, line.text, end, &a_move.text, &words);
@@ -133,65 +133,34 @@ impl Writer {
     /// The words of a piece, and the machine moved to where they say.
     #[inline]
     fn words(&mut self, a_move: &Move, node: &Node, piece: usize, print: &Print) -> PieceWords {
-        let mut words = PieceWords {
-            axes: [PieceWord::Absent; 3],
-            digits: print.digits,
-            extruder: self.shares.of_piece(piece),
-            extruder_digits: self.shares.digits,
-        };
-        // In their place at once: what was just written piece by piece is waited for when it is copied.
-        self.axis_words(&mut words.axes, a_move, node, piece == 0, print);
-        words
-    }
-
-    /// X, Y and Z of a piece, and the machine moved to where they say.
-    #[inline]
-    fn axis_words(
-        &mut self,
-        words: &mut [PieceWord; 3],
-        a_move: &Move,
-        node: &Node,
-        is_first_piece: bool,
-        print: &Print,
-    ) {
         let motion = &a_move.motion;
-        let step_of = |word_mm: f64| {
-            let word = if a_move.is_inch { word_mm / print.unit_mm } else { word_mm };
-            rounded(word * print.steps_per_unit)
-        };
         // What is not known is near nothing.
         let near = |a_mm: f64, b_mm: f64| (a_mm - b_mm).abs() <= print.near_mm;
         // An end is known only where the begin of an increment is.
         let origin_mm = self.frame.origin_of(motion).numbers().map(|at| if at.is_nan() { 0.0 } else { at });
-        let old_mm = if is_first_piece { motion.words_mm } else { Known::NONE };
+        let old_mm = *if piece == 0 { motion.words_mm } else { Known::NONE }.numbers();
         let position_mm = *self.frame.position_mm.numbers();
-        let gives_all = self.must_give_all && is_first_piece && motion.is_absolute;
         let wanted_mm: [f64; 3] = std::array::from_fn(|axis| node.command_mm[axis] - origin_mm[axis]);
-        *words = std::array::from_fn(|axis| {
-            let old_mm = old_mm.numbers()[axis];
-            if near(old_mm, wanted_mm[axis]) {
-                PieceWord::Kept
-            } else if old_mm.is_nan() && near(position_mm[axis], node.command_mm[axis]) {
-                PieceWord::Absent
-            } else {
-                PieceWord::New(step_of(wanted_mm[axis]))
-            }
+        // All numbers are worked out, wanted or not: nothing has to be guessed on the way.
+        let steps: [i64; 3] = std::array::from_fn(|axis| {
+            let word = if a_move.is_inch { wanted_mm[axis] / print.unit_mm } else { wanted_mm[axis] };
+            rounded(word * print.steps_per_unit)
         });
-        if gives_all && words.iter().any(|word| matches!(word, PieceWord::New(_))) {
-            for axis in 0..3 {
-                if matches!(words[axis], PieceWord::Absent) {
-                    words[axis] = PieceWord::New(step_of(wanted_mm[axis]));
-                }
-            }
+        let is_kept: [bool; 3] = std::array::from_fn(|axis| near(old_mm[axis], wanted_mm[axis]));
+        let is_absent: [bool; 3] = std::array::from_fn(|axis| {
+            old_mm[axis].is_nan() & near(position_mm[axis], node.command_mm[axis])
+        });
+        let mut is_new: [bool; 3] = std::array::from_fn(|axis| !(is_kept[axis] | is_absent[axis]));
+        if self.must_give_all && piece == 0 && motion.is_absolute && is_new != [false; 3] {
+            is_new = std::array::from_fn(|axis| is_new[axis] | is_absent[axis]);
         }
-        for axis in 0..3 {
-            let word_mm = match words[axis] {
-                PieceWord::Absent => continue,
-                PieceWord::Kept => motion.words_mm.numbers()[axis],
-                PieceWord::New(steps) => steps as f64 / print.steps_per_unit * print.unit_mm,
-            };
-            self.frame.position_mm.set(axis, Some(origin_mm[axis] + word_mm));
-        }
+        self.frame.position_mm = Known::all(std::array::from_fn(|axis| {
+            let new_mm = steps[axis] as f64 / print.steps_per_unit * print.unit_mm;
+            let word_mm = if is_new[axis] { new_mm } else { old_mm[axis] };
+            if word_mm.is_nan() { position_mm[axis] } else { origin_mm[axis] + word_mm }
+        }));
+        let extruder = self.shares.of_piece(piece);
+        PieceWords { steps, is_new, digits: print.digits, extruder, extruder_digits: self.shares.digits }
     }
 }
 

@@ -183,10 +183,10 @@ impl Reader {
         let mut before = self.frame;
         before.set_position(forget, &Known::NONE);
         let ends = before.end_of(&motion);
-        let speed_mm_min = self.speed_mm_min();
         let course = self.needs.any().then(|| {
             self.past.forget(forget);
-            self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0))
+            let speed_mm_min = self.speed_mm_min();
+            (self.past.straight(&before.position_mm, &ends, speed_mm_min.unwrap_or(0.0)), speed_mm_min)
         });
         let Some(end_mm) = ends.whole() else {
             self.summary.moves_out += 1;
@@ -196,7 +196,7 @@ impl Reader {
         };
         // Counted again when the move is written.
         self.summary.extrusion_out -= in_mm(extrusion, self.modes.is_inch);
-        if let Some(course) = course {
+        if let Some((course, speed_mm_min)) = course {
             self.warn_of_motion(&course, speed_mm_min, body);
             self.courses.push(course);
         }
