@@ -57,6 +57,9 @@ def test_scale_of_cameras_is_tied_with_the_growth_of_all_three_axes() -> None:
         assert one.together == ("x", "y", "z")
         (alias,) = (alias for alias in one.aliases if alias.reference == diagnosis.found[0].reference)
         assert alias.correlation > 0.99
+        explained, could = diagnosis.compared(str(diagnosis.found[0].reference), str(one.reference))
+        cosines = [np.linalg.norm(columns.T @ explained) / np.linalg.norm(explained) for columns in could]
+        assert cosines == pytest.approx([alias.correlation], rel=1e-9)
 
 
 def test_they_are_told_as_one() -> None:

@@ -252,6 +252,30 @@ def test_what_no_cause_explains_is_unknown() -> None:
     assert diagnosis.shares.percent_unexplained == pytest.approx(100.0)
 
 
+def test_values_and_worth_beside_structure_are_done_again() -> None:
+    """Values are in the noise that has the structure in it, and worth is of the rows that decide nothing, too."""
+
+    def lobed(theta: Numbers, sense: int, feed: float) -> Numbers:
+        return several(theta, sense, feed) + 2.0 * np.cos(7.0 * theta + 0.8)
+
+    diagnosis = diagnose_circles(MODEL, circular(lobed))
+    searched = diagnosis.searched
+    assert diagnosis.unknown is not None
+    assert diagnosis.found
+    set_up = orthonormal(searched.runs.set_up_columns)
+    columns = np.concatenate([set_up, *(one.columns for one in searched.found)], axis=1)
+    white, signal = (searched.noise_of_values.whiten(one) for one in (columns, searched.runs.signal_um))
+    value = np.linalg.lstsq(white, signal, rcond=1e-9)[0][set_up.shape[1] :]
+    whole_set_up = orthonormal(searched.whole.set_up_columns)
+    for place, (cause, one) in enumerate(zip(diagnosis.found, searched.found, strict=True)):
+        own, value = np.split(value, [one.columns.shape[1]])
+        if not one.inner:
+            assert own[0] == pytest.approx(cause.parameters[0].value, rel=1e-6)
+            trace = searched.whole_columns(place) @ own
+            trace -= whole_set_up @ (whole_set_up.T @ trace)
+            assert np.sqrt((trace**2).mean()) == pytest.approx(cause.worth_um, rel=1e-6)
+
+
 def test_a_mistake_is_left_out() -> None:
     test = circular(squareness, seed=4)
     frame = test.frame.with_columns(

@@ -24,7 +24,7 @@ from geoerr.diagnose.advice import Advice, adviser_of
 from geoerr.diagnose.answer import with_terms
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.offers import Offers
-from geoerr.diagnose.search import reference_of, search, why_left
+from geoerr.diagnose.search import AskedFor, reference_of, search, why_left
 from geoerr.diagnose.told import diagnosis_of
 from geoerr.effects import catalogue
 from geoerr.effects.collection import Catalogue
@@ -36,7 +36,8 @@ from geoerr.model import write_model
 from geoerr.observations import Observations
 from geoerr.report import figures
 from geoerr.report.diagnosis_page import diagnosis_sections
-from geoerr.report.page import Figure, Table
+from geoerr.report.page import Figure, Paragraph, Table
+from geoerr.terms import EffectReference
 from geoerr.workbench.told import told_of
 
 PLAN = Plan(n_sessions=2, n_lines=20, n_points=14)
@@ -132,6 +133,17 @@ def test_what_is_no_chance_and_has_no_name_is_not_said_to_be_nothing(clean: Diag
     assert clean.sentence.count(":") == 1
     left = replace(clean, p_value=1e-9).sentence
     assert left.startswith("nothing can be named, though what is left is more than chance (chance does as much in ")
+
+
+def test_what_was_asked_for_by_itself_has_a_line(clean: Diagnosis) -> None:
+    """One search of 40 was told, and of all that was listed beside it nothing had less than p = 0.3."""
+    asked = AskedFor(EffectReference("backlash", "x"), 12.0, 1, 112, 1, 5.5, 3)
+    told = replace(clean, asked_for=(asked, replace(asked, reference=EffectReference("backlash", "y"), surprise=0.0)))
+    line = "backlash:x was asked for by itself: p = 0.012, with the search counted 0.025"
+    assert line in text_of(told)
+    assert "backlash:y was asked" not in text_of(told)
+    assert any(section.blocks == (Paragraph(f"{line}."),) for section in diagnosis_sections(told))
+    assert [one["p_value"] for one in told.to_document()["asked_for"]] == pytest.approx([3.0 * np.exp(-5.5), 1.0])
 
 
 def test_what_the_data_cannot_tell_apart_is_said_with_what_would(ambiguous: Diagnosis) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -59,12 +58,17 @@ def test_the_error_falls_three_times_to_the_noise() -> None:
 
 def test_numbers_done_again_are_those_that_were_said() -> None:
     names = _run("what_is_missing.md")
-    assert names["after_um"] == pytest.approx(names["finding"].held_out_rmse_after_um, rel=1e-6)
-    assert names["p_value"] == pytest.approx(names["finding"].p_value, rel=1e-6)
-    assert names["correlation"] == pytest.approx(names["rival"].correlation, rel=1e-6)
-    assert names["value"][0] == pytest.approx(names["finding"].term.coefficients[0].value, rel=1e-3)
-    worth_um = np.sqrt((names["explained"][names["used"]] ** 2).sum(axis=1).mean())
-    assert worth_um == pytest.approx(names["finding"].worth_um, rel=1e-3)
+    found = names["diagnosis"].found
+    assert names["after_um"] == pytest.approx(found[-1].held_out_rmse_after_um, rel=1e-6)
+    assert names["p_value"] == pytest.approx(found[0].p_value, rel=1e-6)
+    assert names["evidence"] == pytest.approx(found[-1].evidence, rel=1e-6)
+    assert names["correlation"] == pytest.approx(names["alias"].correlation, rel=1e-6)
+    assert names["worths_um"] == pytest.approx([one.worth_um for one in found], rel=1e-3)
+    assert names["unknown_p"] == pytest.approx(names["unknown"].p_value, rel=1e-6)
+    assert names["nothing_p"] == pytest.approx(names["offset"].p_value, rel=1e-6)
+    assert 2.0 * names["asked_p"] == pytest.approx(names["offset"].found[0].p_value, rel=1e-6)
+    held = names["held"].found[0]
+    assert (names["value"][0], names["held_um"]) == pytest.approx((held.parameters[0].value, held.worth_um), rel=1e-3)
     assert names["std"] == pytest.approx([one.std for one in names["growth"].parameters], rel=1e-3)
     assert names["overall_p"] == pytest.approx(names["after"].p_value, rel=1e-6)
     where = names["growth"].where

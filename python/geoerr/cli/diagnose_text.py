@@ -223,6 +223,8 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
         worth, p_value = um_words(finding.worth_um), f"{finding.p_value:.1g}"
         figures = f"{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}"
         yield from named_row(str(finding.reference), _NAME_WIDTH - 2, figures, "  ")
+    for words in diagnosis.asked_words:
+        yield from wrapped(words, "  ")
     reasons = [(str(one.reference), one.left_because) for one in others[:_MOST_OTHERS] if one.left_because]
     for why, names in by_reason(reasons).items():
         yield from wrapped(f"{', '.join(names)}: {why}", "  ")

@@ -12,15 +12,14 @@ from geoerr.diagnose.between_passes import BetweenPasses
 from geoerr.diagnose.comparison import Comparison
 from geoerr.diagnose.findings import Finding, Unknown
 from geoerr.diagnose.notes import is_without_errors, notes_of
-from geoerr.diagnose.search import (
-    Searched,
-)
+from geoerr.diagnose.search import AskedFor, Searched, reference_of
 from geoerr.diagnose.summary import diagnosis_html
 from geoerr.diagnose.words import chance_words
 from geoerr.drawing import drawn
 from geoerr.errors import GeoerrError
 from geoerr.fit import Fitted
 from geoerr.fit.begun_warm import begun_warm
+from geoerr.fit.sightings import Numbers
 from geoerr.summaries import listed
 
 if TYPE_CHECKING:
@@ -59,6 +58,9 @@ class Diagnosis(Answer):
         temperature that is unknown in some.
     rough
         Why a wave was not named where few places tell it: a sentence each.
+    asked_for
+        What was asked for by itself, beside the search: the play of axes that were measured both ways, where offsets
+        of passes are strong.
     """
 
     found: tuple[Finding, ...]
@@ -72,6 +74,7 @@ class Diagnosis(Answer):
     other_way: Diagnosis | None = None
     has_unread: bool = False
     rough: tuple[str, ...] = ()
+    asked_for: tuple[AskedFor, ...] = ()
 
     @property
     def searched(self) -> Searched:
@@ -168,6 +171,43 @@ class Diagnosis(Answer):
             )
         return f"nothing is missing that these data could show: {chance_words(self.p_value)}{noise}"
 
+    @property
+    def asked_words(self) -> tuple[str, ...]:
+        """What was asked for by itself, is not told and has more than nothing: each with its own probability."""
+        told = {one.reference for one in (*self.found, *self.not_told_apart)}
+        return tuple(one.words() for one in self.asked_for if one.p_value < 1.0 and one.reference not in told)
+
+    def compared(self, reference: str, other: str) -> tuple[Numbers, tuple[Numbers, ...]]:
+        """Give what was found, and what another candidate could make of it: their cosine is the correlation told.
+
+        Parameters
+        ----------
+        reference, other
+            What was found, and one of what came next to it: `backlash:x`.
+
+        Returns
+        -------
+        tuple
+            What the first explains, (3 n,), off the model and in the metric of the noise of the look that found it;
+            and columns (3 n, k), orthonormal off the model, of what the other can do: where it was scanned, and at
+            its best values. The larger share is told. Of one that does so only with others it is what all of them
+            do.
+
+        Raises
+        ------
+        GeoerrError
+            where the one was not found, the other is none of what came next to it, or the numbers were let go.
+        """
+        found = {str(reference_of(one.judged)): one for one in self.searched.found}
+        if reference not in found:
+            hint = listed(list(found), "or") or "nothing was"
+            raise GeoerrError(f"{reference} was not found\nhint: {hint}")
+        rivals = {str(reference_of(one.judged)): one for one in found[reference].rivals}
+        if other not in rivals:
+            hint = listed(list(rivals), "or") or "none"
+            raise GeoerrError(f"{other} is none of what came next to {reference}\nhint: one of {hint}")
+        return found[reference].compared_with(rivals[other])
+
     def _alternatives(self, finding: Finding) -> list[str]:
         """Name what was found and what looks the same, a few of many."""
         told = list(dict.fromkeys(one.company_words for one in (finding, *self.tied_with(finding))))
@@ -206,6 +246,7 @@ class Diagnosis(Answer):
         return {
             **super().to_document(),
             "sentence": self.sentence,
+            "asked_for": [one.to_document() for one in self.asked_for],
             "between_passes": self.between_passes.to_document(),
             "model_takes_part": self.takes_part,
             "other_way": None if self.other_way is None else self.other_way.in_short(),

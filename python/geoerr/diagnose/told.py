@@ -123,6 +123,7 @@ class _Summary:
             later_tied,
             has_unread=searched.has_unread,
             rough=tuple(one.words() for one in searched.rough if one.judged is not None),
+            asked_for=searched.first.asked_for,
         )
         if verdict == "ambiguous":
             diagnosis = self._with_advice(diagnosis)

@@ -113,6 +113,10 @@ def diagnosis_sections(diagnosis: Diagnosis) -> list[Section]:
     left = [(str(one.reference), one.left_because) for one in diagnosis.candidates if one.left_because]
     if left:
         sections.append(Section("What was looked at and left", (_by_reason(left),)))
+    if diagnosis.asked_words:
+        # An effect's name begins them, which is not written large.
+        asked = tuple(Paragraph(f"{words}.") for words in diagnosis.asked_words)
+        sections.append(Section("What was asked for by itself", asked))
     if diagnosis.unknown is not None:
         sections.append(Section("What has no name", _unknown(diagnosis, diagnosis.unknown)))
     if diagnosis.between_passes.stands_out:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from geoerr.diagnose.circles.bench import Judged
 from geoerr.diagnose.circles.causes import Suspect, Way
+from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.noise import Noise
 from geoerr.diagnose.circles.probes import Probe
 from geoerr.diagnose.circles.runs import Runs
@@ -48,6 +49,11 @@ class Found:
         """Its number among the suspects."""
         return self.judged.what
 
+    def columns_in(self, radii: Radii) -> Numbers:
+        """Give its columns in the rows of other runs, (m, k), as `columns` has those of the rows that decide."""
+        columns = radii.columns_um(self.way.term, self.inner)[:, list(self.seen)]
+        return radii.by_run(columns) if self.judged.group.by_run else columns
+
 
 @dataclass(frozen=True, eq=False)
 class Rival:
@@ -70,6 +76,8 @@ class Searched:
         Rows that decide; gross ones are left out, and those of which the record does not tell the side of a reversal.
     noise
         The noise, beside causes and structure without a name.
+    noise_of_values
+        That in which values are estimated: beside the causes alone, so that what has no name is a part of it.
     found
         In the order in which they were added.
     rivals
@@ -103,6 +111,7 @@ class Searched:
     runs: Runs
     suspects: tuple[Suspect, ...]
     noise: Noise
+    noise_of_values: Noise
     found: tuple[Found, ...]
     rivals: tuple[tuple[Rival, ...], ...]
     first: tuple[tuple[Judged, float], ...]
@@ -118,3 +127,7 @@ class Searched:
     whole_traces: Numbers
     rest_um: Numbers
     rest_without_jumps_um: Numbers
+
+    def whole_columns(self, place: int) -> Numbers:
+        """Give the columns of a found cause in all rows but the gross ones, (n_whole, k): its worth is of these."""
+        return self.found[place].columns_in(Radii(self.whole))

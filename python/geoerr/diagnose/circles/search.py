@@ -101,6 +101,7 @@ def _searched(runs: Runs, suspects: Sequence[Suspect], steps: Steps, beside: str
         runs=runs,
         suspects=state.suspects,
         noise=scatter,
+        noise_of_values=state.noise,
         found=tuple(found),
         rivals=rivals,
         first=first,
@@ -124,8 +125,7 @@ def _traces_in(runs: Runs, searched: Searched) -> Numbers:
     radii, set_up, first = Radii(runs), orthonormal(runs.set_up_columns), 0
     traces = np.zeros((len(runs), len(searched.found)))
     for place, one in enumerate(searched.found):
-        columns = radii.columns_um(one.way.term, one.inner)[:, list(one.seen)]
-        columns = radii.by_run(columns) if one.judged.group.by_run else columns
+        columns = one.columns_in(radii)
         own = columns @ searched.estimate[first : first + columns.shape[1]]
         traces[:, place] = own - set_up @ (set_up.T @ own)
         first += columns.shape[1] + len(one.inner)

@@ -1,6 +1,7 @@
 """What may be missing, looked for: one look at everything, the best added, another look, until chance explains it."""
 
 from geoerr.diagnose.search.alike import other_periods
+from geoerr.diagnose.search.asked_for import AskedFor
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import Judged, channel_of, reference_of
 from geoerr.diagnose.search.left import why_left
@@ -11,6 +12,7 @@ from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.search.waves_seen import waves_seen
 
 __all__ = [
+    "AskedFor",
     "Bench",
     "Found",
     "Judged",

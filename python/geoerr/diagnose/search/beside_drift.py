@@ -12,8 +12,9 @@ from geoerr.diagnose.candidates import Candidate
 from geoerr.diagnose.noise import NoiseModel, NoiseSums, without_drift
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
+from geoerr.diagnose.search.asked_for import AskedFor
 from geoerr.diagnose.search.bench import Bench
-from geoerr.diagnose.search.judged import Judged, evidence_of, freedom_of, scanned_best
+from geoerr.diagnose.search.judged import Judged, evidence_of, freedom_of, reference_of, scanned_best
 from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.space import Space
@@ -59,9 +60,10 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     ]
     if not like:
         return looked
-    n_asked = sum(_is_asked_for(one.what) for one in like) if is_offset else 0
-    if n_asked:
-        looked = _at_half_the_level(looked)
+    asked = [one for one in like if _is_asked_for(one.what)] if is_offset else []
+    asked_for = {id(one.what): _not_seen(one, looked.space.n_passes, bench.n_searches * len(asked)) for one in asked}
+    if asked:
+        looked = _at_half_the_level(looked, tuple(asked_for.values()))
     least = _LEAST_BESIDE_DRIFT + math.log(max(len(like) / _FEW_LIKE_DRIFT, 1.0))
     sums = bench.sums(added)
     calm_noise = without_drift(looked.space.noise, without_offsets=is_offset)
@@ -81,7 +83,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
     clear = [one for one in clear[:_MOST_LIKE_DRIFT] if one.evidence > max(most, enough(one))]
     if not clear:
         return looked
-    without, p_asked = _log_likelihood(sums, bench), 1.0
+    without = _log_likelihood(sums, bench)
     for one in clear:
         # A drift forgives no jump at the wrong moment: the time is found first.
         columns = scanner.raw_columns(settle(calm, scanner, one).shapes, 0)
@@ -91,9 +93,10 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
         if is_offset and _is_of_motion(one.what):
             found = min(found, _surprise_of_passes(gain, one.rank, looked.space.n_passes, one.what.n_trials))
         p_value = looked.p_value_of(found)
-        if n_asked and _is_asked_for(one.what):
-            of_asked = min(bench.n_searches * n_asked * math.exp(-found), 1.0)
-            p_value, p_asked = min(p_value, of_asked), min(p_asked, of_asked)
+        if id(one.what) in asked_for:
+            question = replace(asked_for[id(one.what)], gain=gain, rank=one.rank, surprise=found)
+            asked_for[id(one.what)] = question
+            p_value = min(p_value, question.p_value)
         n_ways = len(one.what.shapes) * len(one.shapes.trials)
         evidence = float(evidence_of(looked.space, np.array([gain]), np.array([one.rank]), n_ways)[0])
         if evidence > enough(one):
@@ -101,7 +104,7 @@ def beside_drift(bench: Bench, looked: Round, added: Sequence[Numbers]) -> Round
                 one, gain=gain, surprise=found, evidence=evidence, p_value=p_value, noise=noise
             )
     candidates = _simplest_first(sorted(judged.values(), key=lambda one: -one.evidence))
-    return replace(looked, candidates=candidates, p_asked=p_asked)
+    return replace(looked, candidates=candidates, asked_for=tuple(asked_for.values()))
 
 
 def is_beside_drift(bench: Bench, space: Space, added: Sequence[Numbers], judged: Judged, settled: Settled) -> bool:
@@ -120,12 +123,16 @@ def _log_likelihood(sums: NoiseSums, bench: Bench) -> float:
     return sums.fit(restricted=False, start=bench.noise).log_likelihood
 
 
-def _at_half_the_level(looked: Round) -> Round:
+def _not_seen(one: Judged, n_passes: int, n_questions: int) -> AskedFor:
+    return AskedFor(reference_of(one), 0.0, one.rank, n_passes, one.what.n_trials, 0.0, n_questions)
+
+
+def _at_half_the_level(looked: Round, asked_for: tuple[AskedFor, ...]) -> Round:
     candidates, probes = (
         tuple(replace(one, p_value=min(2.0 * one.p_value, 1.0)) for one in judged)
         for judged in (looked.candidates, looked.probes)
     )
-    return replace(looked, candidates=candidates, probes=probes, is_halved=True)
+    return replace(looked, candidates=candidates, probes=probes, asked_for=asked_for)
 
 
 def _simplest_first(candidates: list[Judged]) -> tuple[Judged, ...]:

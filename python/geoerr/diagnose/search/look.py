@@ -13,6 +13,7 @@ from geoerr.diagnose.hums import hums_of
 from geoerr.diagnose.null import Null, largest_surprise, p_value_of_all
 from geoerr.diagnose.probes import Probe, bodies, shapes_on
 from geoerr.diagnose.scan import Scanner
+from geoerr.diagnose.search.asked_for import AskedFor
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.judged import (
     Judged,
@@ -49,10 +50,8 @@ class Round:
         What chance finds among the candidates.
     null_of_probes
         What it finds among the probes.
-    is_halved
-        Whether all this has half of the level only, and so p-values twice as large: an axis was asked for its play.
-    p_asked
-        That there is none, where it was asked for.
+    asked_for
+        What was asked for by itself, the play of axes; where anything was, all this has half of the level only.
     """
 
     space: Space
@@ -62,8 +61,25 @@ class Round:
     invisible: tuple[Candidate, ...]
     null: Null
     null_of_probes: Null
-    is_halved: bool = False
-    p_asked: float = 1.0
+    asked_for: tuple[AskedFor, ...] = ()
+
+    @property
+    def is_halved(self) -> bool:
+        """Whether all this has half of the level only, and so p-values twice as large: axes were asked for play."""
+        return bool(self.asked_for)
+
+    @property
+    def p_asked(self) -> float:
+        """That there is nothing of what was asked for; 1 where nothing was."""
+        return min((one.p_value for one in self.asked_for), default=1.0)
+
+    @property
+    def p_searched(self) -> float:
+        """That there is nothing of what was searched for: the better of names and probes."""
+        halves = (self.null, self.candidates), (self.null_of_probes, self.probes)
+        return p_value_of_all(
+            [(null, max((one.surprise for one in judged), default=-math.inf)) for null, judged in halves]
+        )
 
     @property
     def p_value(self) -> float:
@@ -72,11 +88,8 @@ class Round:
         Candidates have one half of the level and probes the other, however many there are of each; and all these as
         much as what was asked for.
         """
-        halves = (self.null, self.candidates), (self.null_of_probes, self.probes)
-        searched = p_value_of_all(
-            [(null, max((one.surprise for one in judged), default=-math.inf)) for null, judged in halves]
-        )
         # That the smaller of two is so small (Šidák).
+        searched = self.p_searched
         return 1.0 - (1.0 - min(searched, self.p_asked)) ** 2 if self.is_halved else searched
 
     def p_value_of(self, surprise: float) -> float:

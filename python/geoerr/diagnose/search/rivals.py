@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from geoerr.diagnose.candidates import Candidate
+from geoerr.diagnose.candidates import Candidate, Shapes
 from geoerr.diagnose.scan import seen
 from geoerr.diagnose.search.beside_each import BesideEach, vuong
 from geoerr.diagnose.search.best_form import in_form_of
@@ -15,6 +15,7 @@ from geoerr.diagnose.search.settle import Settled, explained_share, settle
 from geoerr.diagnose.search.together import Together, together
 from geoerr.diagnose.ties import MOST_DIFFERENCE, TOO_ALIKE, is_as_good
 from geoerr.effects.collection import Catalogue
+from geoerr.fit.sightings import Numbers
 from geoerr.terms import CLOCK_NAME, Term
 
 _TIMES = {"t", CLOCK_NAME}
@@ -42,6 +43,8 @@ class Rival:
     together
         Axes whose effects of this kind do only together what the best does, this one among them; their correlation is
         meant. Empty where it stands for itself.
+    columns_together : (n, 3, k)
+        Their columns, in units of the stated uncertainties.
     """
 
     judged: Judged
@@ -51,6 +54,7 @@ class Rival:
     contains: bool
     behind: float
     together: tuple[str, ...] = ()
+    columns_together: Numbers | None = None
 
     def is_of_company_of(self, other: Rival) -> bool:
         """Tell whether the other one does what the best does only together with this one, and others maybe."""
@@ -93,10 +97,9 @@ def _rival(
     settled = _unrefined(looked, judged) if is_far else settle(looked.space, looked.scanner, judged)
     if best.term is not None and not is_far:
         judged, settled = in_form_of(best.term, looked, judged, settled)
-    # Where it was scanned its affine values are free; where it was settled the others are at their best.
     at_trial, at_best = (
         explained_share(best, seen(looked.space, looked.scanner.raw_columns(shapes, trial)))
-        for shapes, trial in ((judged.shapes, judged.trial), (settled.shapes, 0))
+        for shapes, trial in _compared_at(judged, settled)
     )
     alike = max(at_trial, at_best)
     behind = best.gain - settled.gain
@@ -112,8 +115,13 @@ def _rival(
         behind, z = beside_each.behind(best, settled)
         tied = is_as_good(alike, behind + price, z)
     if company is not None and not tied and not contains:
-        return Rival(judged, settled, company.correlation, True, False, behind, company.axes)
+        return Rival(judged, settled, company.correlation, True, False, behind, company.axes, company.columns)
     return Rival(judged, settled, alike, tied, contains, behind)
+
+
+def _compared_at(judged: Judged, settled: Settled) -> tuple[tuple[Shapes, int], tuple[Shapes, int]]:
+    """Give where it was scanned, its affine values free, and where it was settled, the others at their best."""
+    return (judged.shapes, judged.trial), (settled.shapes, 0)
 
 
 def _does_as_much(company: Together, best: Settled, beside_each: BesideEach) -> bool:
@@ -175,6 +183,8 @@ class Found:
         The look that found it.
     as_good
         Of a wave, other periods that explain as much.
+    compared
+        It in the space of the look, as rivals are compared with it; of what has no name None.
     beside_others
         The same beside all that was found, in the noise that all of it leaves; None while the search goes on.
     """
@@ -184,6 +194,7 @@ class Found:
     rivals: tuple[Rival, ...]
     looked: Round
     as_good: tuple[float, ...] = ()
+    compared: Settled | None = None
     beside_others: Settled | None = None
 
     @property
@@ -194,3 +205,18 @@ class Found:
         and in a session of few passes more was to be explained than had been measured.
         """
         return self.beside_others or self.settled
+
+    def compared_with(self, rival: Rival) -> tuple[Numbers, tuple[Numbers, ...]]:
+        """Give what it explains (3 n,), and what a rival can do (3 n, k), orthonormal off the model.
+
+        In the space of the look: at the rival's trial, and at its best values; what it does only with others, once.
+        """
+        assert self.compared is not None
+        if rival.columns_together is not None:
+            could = [seen(self.looked.space, rival.columns_together)]
+        else:
+            could = [
+                seen(self.looked.space, self.looked.scanner.raw_columns(shapes, trial))
+                for shapes, trial in _compared_at(rival.judged, rival.settled)
+            ]
+        return self.compared.displacement.reshape(-1), tuple(one.whitened @ one.root for one in could)

@@ -342,7 +342,8 @@ def _found(
     """Give what was found with its values, and its rivals from a catalogue; with none where that is None."""
     settled, as_good = at_likeliest_period(looked.space, looked.scanner, settled)
     rivals = () if known is None else tuple(rivals_of(looked, known, best, settled, BesideEach(bench, added)))
-    return Found(best, in_own_noise(bench, best, settled, added), rivals, looked, as_good=as_good)
+    own = in_own_noise(bench, best, settled, added)
+    return Found(best, own, rivals, looked, as_good=as_good, compared=settled)
 
 
 def _needed(
