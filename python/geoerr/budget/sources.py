@@ -42,7 +42,7 @@ def sources_of_fit(
     fitted: Fitted, estimator: Estimator, rig: Rig | None, calibration_dof: float
 ) -> tuple[list[Source], list[str]]:
     """Give the sources that the data tell of, and sentences about what is not counted."""
-    sources, silent = list(_of_noise(fitted, estimator)), []
+    sources, silent = [*_of_noise(fitted, estimator), *_of_what_rows_share(fitted)], []
     calibration = calibration_source(estimator, rig, calibration_dof)
     if calibration is None:
         silent.append("calibration of the measuring device: the fit was not told of it")
@@ -187,6 +187,12 @@ def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
             float(max(fitted.dof, 1)),
             by_parameter=beyond * root,
         )
+
+
+def _of_what_rows_share(fitted: Fitted) -> Iterator[Source]:
+    if fitted.shared_root is not None:
+        what = "offsets of passes and drifts, which rows share"
+        yield Source("shared", what, "A", "normal", math.nan, "", by_parameter=fitted.shared_root)
 
 
 def _misfit_of_fit(fitted: Fitted) -> Source | str:

@@ -16,6 +16,7 @@ from geoerr.fit.history import figures_to_remember, history_of, steps_to
 from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.other_sessions import refuse_other_sessions
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
+from geoerr.fit.shared_noise import with_shared_noise
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.split import Split
 from geoerr.machine import Machine
@@ -138,7 +139,7 @@ def fit_model(
     total, done = 2 + len(added), iter(range(1, 3 + len(added)))
     on_progress(next(done), total)
     steps = steps_to(fitted, added, lambda: on_progress(next(done), total))
-    result = replace(result_of(fitted, history_of(steps, added)), steps=steps)
+    result = replace(result_of(with_shared_noise(fitted), history_of(steps, added)), steps=steps)
     on_progress(total, total)
     return result
 

@@ -89,6 +89,9 @@ class Fitted(KeepsWorkedOut):
         How each function's basis was chosen.
     begun_sums
         Of the fit that this one began at.
+    shared_root
+        (n_parameters, k) root of the part of `covariance` that is of what rows share (`shared_noise`); None where
+        they share nothing, or nobody asked.
     """
 
     machine: Machine
@@ -109,6 +112,7 @@ class Fitted(KeepsWorkedOut):
     prior: Numbers | None = None
     threads: int = 0
     begun_sums: BegunSums | None = None
+    shared_root: Numbers | None = None
 
     def again(
         self,
