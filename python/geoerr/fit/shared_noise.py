@@ -1,13 +1,15 @@
 """What rows share beside the model: offsets of passes and drifts of the device, in the uncertainties of a fit.
 
 The least squares weigh rows as if each scattered by itself. Where rows of a pass share an offset, or rows near in
-time a drift, the covariance of the noise is that of `noise_model`, V = σ² (I + Z C Zᵀ), and that of the parameters
+time a drift, the covariance of the noise is that of `noise_model`, V = σ² (I + Z C Zᵀ) for each component, and that
+of the parameters
 
-    K Aᵀ V A Kᵀ = (what scatters) + (what rows share),   (what rows share) = σ² (K Aᵀ Z) C (K Aᵀ Z)ᵀ,
+    K Aᵀ V A Kᵀ = Σ_c σ_c² K A_cᵀ A_c Kᵀ + Σ_c σ_c² (K A_cᵀ Z) C_c (K A_cᵀ Z)ᵀ,
 
-with K the covariance of the unknowns by white noise and A their columns, both whitened (Huber's sandwich, with V from
-the model of the noise and not from its own residuals: passes are fewer than parameters). The first part is the fit's
-own covariance; the second is added to it, where the residual says for certain that rows share something.
+with K the covariance of the unknowns by white noise of unit size and A their columns, both whitened (Huber's
+sandwich, with V from the model of the noise and not from its own residuals: passes are fewer than parameters). The
+first sum is what rows scatter by themselves, the second what they share. It stands in the place of the fit's own
+covariance, where the residual says for certain that rows share something. What a prior knew keeps its part.
 
 Verified in tests/fit/test_shared_noise.py: the formula by dense matrices, stated uncertainties by Monte-Carlo with
 offsets and with a drift, and no change where there is neither.
@@ -22,6 +24,7 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.distributions import chi_squared_sf
+from geoerr.fit.covariance_parts import SharedNoise
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.jumps import jump_places
 from geoerr.fit.noise_model import NoiseModel, NoiseSums, blocks_of, offset_weights
@@ -52,9 +55,7 @@ def with_shared_noise(fitted: Fitted) -> Fitted:
     residual = solved.whitened * (weights > 0.0)
     sums = NoiseSums(blocks_of(sightings), weights, residual, columns, threads=fitted.threads)
     noise = sums.fit()
-    if not _is_certain(sums, noise):
-        return fitted
-    return _counted(fitted, _shared(noise, columns))
+    return _counted(fitted, noise, columns) if _is_certain(sums, noise) else fitted
 
 
 def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
@@ -72,7 +73,7 @@ def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
     return float(chi_squared_sf(gain, _N_SHARED)) < _SIGNIFICANCE
 
 
-def _shared(noise: NoiseModel, columns: Numbers) -> Numbers:
+def _moved(noise: NoiseModel, columns: Numbers) -> Numbers:
     """Give σ (A R)ᵀ Z C^(1/2), (rank, k): what the offsets of all blocks move, one component beside another."""
     blocks = noise.blocks
     roots = []
@@ -95,23 +96,32 @@ def _root_of_session(noise: NoiseModel, component: int, own: slice) -> Numbers:
     return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))
 
 
-def _counted(fitted: Fitted, moved: Numbers) -> Fitted:
-    """Add the part of a covariance that is K Aᵀ times what moves the unknowns."""
+def _counted(fitted: Fitted, noise: NoiseModel, columns: Numbers) -> Fitted:
+    """Give the fit with the covariance by this noise."""
     n_coefficients = fitted.compiled.n_coefficients
     inner = [one for term in fitted.terms for one in term.inner]
-    is_jump = [place in jump_places(term) for term in fitted.terms for place in range(len(term.inner))]
-    places = [
-        *range(n_coefficients),
-        *(n_coefficients + place for place, one in enumerate(inner) if not one.is_fixed),
-    ]
-    shared_root = np.zeros((len(fitted.covariance), moved.shape[1]))
-    shared_root[places] = fitted.root[: len(places)] @ moved
+    free = [n_coefficients + place for place, one in enumerate(inner) if not one.is_fixed]
+    places = [*range(n_coefficients), *free]
     # How sure the moment of a jump is follows from no derivative.
-    shared_root[n_coefficients + np.flatnonzero(is_jump)] = 0.0
-    covariance = fitted.covariance + shared_root @ shared_root.T
+    jumps = [n_coefficients + place for place, is_jump in enumerate(_are_jumps(fitted.terms)) if is_jump]
+    gain = np.zeros((len(fitted.covariance), columns.shape[2]))
+    gain[places] = fitted.root[: len(places)]
+    gain[jumps] = 0.0
+    least = 1.0 if fitted.sightings.is_stated else 0.0
+    scatter = np.clip(noise.sigma, least, max(fitted.unit, least))
+    grams = np.stack([columns[:, component].T @ columns[:, component] for component in range(3)])
+    shared = SharedNoise(scatter, grams, gain, gain @ _moved(noise, columns))
+    by_prior = fitted.unit**2 * (np.eye(columns.shape[2]) - grams.sum(axis=0))
+    by_scatter = np.einsum("c,cij->ij", scatter**2, grams)
+    covariance = gain @ (by_scatter + by_prior) @ gain.T + shared.root @ shared.root.T
+    covariance[jumps, jumps] = fitted.covariance[jumps, jumps]
     errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
     terms = _with_errors(fitted.terms, errors[:n_coefficients], errors[n_coefficients:])
-    return replace(fitted, covariance=covariance, shared_root=shared_root, terms=terms)
+    return replace(fitted, covariance=covariance, shared_noise=shared, terms=terms)
+
+
+def _are_jumps(terms: Sequence[Term]) -> list[bool]:
+    return [place in jump_places(term) for term in terms for place in range(len(term.inner))]
 
 
 def _with_errors(
