@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from geoerr.budget import uncertainty_budget
-from geoerr.fit import FitOptions, Fitted, fit_model, fit_terms
+from geoerr.fit import FitOptions, Fitted, fit_model, fit_terms, shared_noise
 from geoerr.fit.noise_model import NoiseModel, blocks_of, offset_weights
-from geoerr.fit.shared_noise import _moved
+from geoerr.fit.shared_noise import _Columns, _moved
 from geoerr.machine import Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 
@@ -96,8 +96,12 @@ def test_the_formula_is_that_of_dense_matrices() -> None:
     sigma, offset, drift = np.array([[1.2, 0.9, 1.5], [1.0, 0.0, 2.0], [0.5, 1.5, 0.0]])
     memory = np.array([0.3, 0.1, 1.0])
     noise = NoiseModel(blocks, sigma, offset, drift, memory, weights, 0.0)
+    made = _Columns(plain, weights, blocks.block, len(blocks))
+    columns = made.of_some
+    assert np.array_equal(made.some, np.arange(len(weights)))
     root, used = plain.solved.solution.covariance_root, plain.solved.used.astype(np.float64)
-    columns = plain.problem.times(plain.solved.design_state, root, used, 1).reshape(len(weights), 3, -1)
+    by_core = plain.problem.times(plain.solved.design_state, root, used, 1).reshape(len(weights), 3, -1)
+    np.testing.assert_allclose(columns, by_core, atol=1e-12)
     shared = np.zeros((columns.shape[2],) * 2)
     for c in range(3):
         same_pass = blocks.pass_number[:, None] == blocks.pass_number
@@ -106,7 +110,7 @@ def test_the_formula_is_that_of_dense_matrices() -> None:
         inner = offset[c] ** 2 * same_pass + drift[c] ** 2 * same_session * np.exp(-apart / memory[c])
         z = weights[:, c, None] * (blocks.block[:, None] == np.arange(len(blocks)))
         shared += sigma[c] ** 2 * columns[:, c].T @ z @ inner @ z.T @ columns[:, c]
-    moved = _moved(noise, columns)
+    moved = _moved(noise, made.by_block)
     np.testing.assert_allclose(moved @ moved.T, shared, rtol=1e-9, atol=1e-12 * np.abs(shared).max())
 
 
@@ -125,3 +129,15 @@ def test_parts_add_up_to_the_covariance() -> None:
     np.testing.assert_allclose(std, np.sqrt(np.diagonal(fitted.covariance)), rtol=1e-12)
     own = {source.name: source for source in uncertainty_budget(fitted, {"far": (290.0, 290.0, 290.0)}).sources}
     assert "shared" in own
+
+
+def test_many_rows_are_thinned_for_the_noise_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    observations = _observations(7, offset_um=4.0)
+    whole = _fitted(observations)
+    monkeypatch.setattr(shared_noise, "_MOST_NUMBERS", 3 * len(observations) * 4)
+    thinned = _fitted(observations)
+    assert thinned.shared_noise is not None
+    assert whole.shared_noise is not None
+    ratio = np.sqrt(np.diagonal(thinned.covariance) / np.diagonal(whole.covariance))
+    assert (np.abs(ratio - 1.0) < 0.25).all()
+    assert (ratio != 1.0).any()

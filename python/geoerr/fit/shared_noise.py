@@ -23,6 +23,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from geoerr import _core
 from geoerr.distributions import chi_squared_sf
 from geoerr.fit.covariance_parts import SharedNoise
 from geoerr.fit.fitted import Fitted
@@ -35,6 +36,8 @@ from geoerr.terms import Parameter, Term
 _SIGNIFICANCE = 0.01
 # Numbers of what rows share: offset, drift and its memory, of three components.
 _N_SHARED = 9
+# Rows whose columns are made at once, and numbers of columns that are kept: 50 MB.
+_ROWS_AT_ONCE, _MOST_NUMBERS = 2048, 6_000_000
 # Steps to the scatter of rows that share nothing; each leaves a hundredth of what was missing.
 _STEPS = 4
 
@@ -45,17 +48,57 @@ def with_shared_noise(fitted: Fitted) -> Fitted:
     A fit to lengths stays as it is: they are differences, of passes that share no offset.
     """
     sightings, solved = fitted.sightings, fitted.solved
-    root = solved.solution.covariance_root
-    if sightings.has_lengths_only or sightings.n_passes < 2 or not root.shape[1] or fitted.dof <= 0:
+    n_found = solved.solution.covariance_root.shape[1]
+    if sightings.has_lengths_only or sightings.n_passes < 2 or n_found == 0 or fitted.dof <= 0:
         return fitted
-    used = solved.used.astype(np.float64)
-    columns = fitted.problem.times(solved.design_state, root, used, fitted.threads)
-    columns = columns.reshape(len(sightings), 3, -1)
-    weights = offset_weights(sightings, solved.used)
-    residual = solved.whitened * (weights > 0.0)
-    sums = NoiseSums(blocks_of(sightings), weights, residual, columns, threads=fitted.threads)
+    blocks, weights = blocks_of(sightings), offset_weights(sightings, solved.used)
+    columns = _Columns(fitted, weights, blocks.block, len(blocks))
+    some = columns.some
+    residual = (solved.whitened * (weights > 0.0))[some]
+    of_some = replace(blocks, block=blocks.block[some])
+    # Of every second row the columns are half as long, and must be orthonormal.
+    basis = columns.of_some
+    if len(some) < len(sightings):
+        basis = _core.orthonormal_columns(basis.reshape(3 * len(some), -1), fitted.threads).reshape(len(some), 3, -1)
+    sums = NoiseSums(of_some, weights[some], residual, basis, threads=fitted.threads)
     noise = sums.fit()
     return _counted(fitted, noise, columns) if _is_certain(sums, noise) else fitted
+
+
+class _Columns:
+    """The columns A R of unit covariance of all rows, summed up as they are made.
+
+    Attributes
+    ----------
+    some : (k,)
+        Rows whose columns are kept: all of them, or evenly so many that their numbers are not too many.
+    of_some : (k, 3, r)
+        Their columns.
+    grams : (3, r, r)
+        Products of the columns with each other, each component's rows.
+    by_block : (3, n_blocks, r)
+        Sums over the rows of each block: what an offset of the block moves.
+    """
+
+    def __init__(self, fitted: Fitted, weights: Numbers, block: np.ndarray, n_blocks: int) -> None:
+        root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
+        n_rows, rank = len(used), root.shape[1]
+        self.some = np.arange(0, n_rows, max(math.ceil(3 * n_rows * rank / _MOST_NUMBERS), 1))
+        self.grams = np.zeros((3, rank, rank))
+        self.by_block = np.zeros((3, n_blocks, rank))
+        kept = []
+        for first in range(0, n_rows, _ROWS_AT_ONCE):
+            last = min(first + _ROWS_AT_ONCE, n_rows)
+            design = fitted.problem.design(fitted.solved.design_state, used, first, last, fitted.threads)
+            columns = (design @ root).reshape(last - first, 3, rank)
+            order = np.argsort(block[first:last], kind="stable")
+            own, starts = np.unique(block[first:last][order], return_index=True)
+            for component in range(3):
+                self.grams[component] += columns[:, component].T @ columns[:, component]
+                weighed = weights[first:last, component, None] * columns[:, component]
+                self.by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
+            kept.append(columns[self.some[(self.some >= first) & (self.some < last)] - first])
+        self.of_some = np.concatenate(kept)
 
 
 def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
@@ -73,16 +116,13 @@ def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
     return float(chi_squared_sf(gain, _N_SHARED)) < _SIGNIFICANCE
 
 
-def _moved(noise: NoiseModel, columns: Numbers) -> Numbers:
-    """Give σ (A R)ᵀ Z C^(1/2), (rank, k): what the offsets of all blocks move, one component beside another."""
-    blocks = noise.blocks
-    roots = []
-    for component in range(3):
-        moved = np.zeros((len(blocks), columns.shape[2]))
-        np.add.at(moved, blocks.block, noise.weights[:, component, None] * columns[:, component])
-        for own in blocks.slices:
-            root = _root_of_session(noise, component, own)
-            roots.append(noise.sigma[component] * moved[own].T @ root)
+def _moved(noise: NoiseModel, by_block: Numbers) -> Numbers:
+    """Give σ (A R)ᵀ Z C^(1/2), (r, k): what the offsets of all blocks move, one component beside another."""
+    sessions = [(component, own) for component in range(3) for own in noise.blocks.slices]
+    roots = [
+        noise.sigma[component] * by_block[component, own].T @ _root_of_session(noise, component, own)
+        for component, own in sessions
+    ]
     return np.concatenate(roots, axis=1)
 
 
@@ -96,7 +136,7 @@ def _root_of_session(noise: NoiseModel, component: int, own: slice) -> Numbers:
     return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))
 
 
-def _counted(fitted: Fitted, noise: NoiseModel, columns: Numbers) -> Fitted:
+def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
     """Give the fit with the covariance by this noise."""
     n_coefficients = fitted.compiled.n_coefficients
     inner = [one for term in fitted.terms for one in term.inner]
@@ -104,15 +144,14 @@ def _counted(fitted: Fitted, noise: NoiseModel, columns: Numbers) -> Fitted:
     places = [*range(n_coefficients), *free]
     # How sure the moment of a jump is follows from no derivative.
     jumps = [n_coefficients + place for place, is_jump in enumerate(_are_jumps(fitted.terms)) if is_jump]
-    gain = np.zeros((len(fitted.covariance), columns.shape[2]))
+    gain = np.zeros((len(fitted.covariance), columns.grams.shape[1]))
     gain[places] = fitted.root[: len(places)]
     gain[jumps] = 0.0
     least = 1.0 if fitted.sightings.is_stated else 0.0
     scatter = np.clip(noise.sigma, least, max(fitted.unit, least))
-    grams = np.stack([columns[:, component].T @ columns[:, component] for component in range(3)])
-    shared = SharedNoise(scatter, grams, gain, gain @ _moved(noise, columns))
-    by_prior = fitted.unit**2 * (np.eye(columns.shape[2]) - grams.sum(axis=0))
-    by_scatter = np.einsum("c,cij->ij", scatter**2, grams)
+    shared = SharedNoise(scatter, columns.grams, gain, gain @ _moved(noise, columns.by_block))
+    by_prior = fitted.unit**2 * (np.eye(gain.shape[1]) - columns.grams.sum(axis=0))
+    by_scatter = np.einsum("c,cij->ij", scatter**2, columns.grams)
     covariance = gain @ (by_scatter + by_prior) @ gain.T + shared.root @ shared.root.T
     covariance[jumps, jumps] = fitted.covariance[jumps, jumps]
     errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
