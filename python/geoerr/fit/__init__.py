@@ -133,13 +133,13 @@ def fit_model(
     on_progress(0, 2 + len(wanted))
     held = held_errors(options.components, terms)
     asked = additions(wanted, known or catalogue(), described, joined, held, fit, way)
-    fitted = fit([term for one in asked for term in one.terms])
+    fitted = with_shared_noise(fit([term for one in asked for term in one.terms]))
     # A model that was composed names its new effects by having no values for them.
     added = [Addition(term.id, term.title, (term,)) for term in terms if _is_new(term)] + asked
     total, done = 2 + len(added), iter(range(1, 3 + len(added)))
     on_progress(next(done), total)
     steps = steps_to(fitted, added, lambda: on_progress(next(done), total))
-    result = replace(result_of(with_shared_noise(fitted), history_of(steps, added)), steps=steps)
+    result = replace(result_of(fitted, history_of(steps, added)), steps=steps)
     on_progress(total, total)
     return result
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -156,7 +156,14 @@ def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
     covariance[jumps, jumps] = fitted.covariance[jumps, jumps]
     errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
     terms = _with_errors(fitted.terms, errors[:n_coefficients], errors[n_coefficients:])
-    return replace(fitted, covariance=covariance, shared_noise=shared, terms=terms)
+    return _beside_what_is_known(fitted, replace(fitted, covariance=covariance, shared_noise=shared, terms=terms))
+
+
+def _beside_what_is_known(fitted: Fitted, counted: Fitted) -> Fitted:
+    """Give the second with what was worked out of the first: held-out errors follow from no covariance."""
+    own = {field.name for field in fields(fitted)}
+    counted.__dict__.update({name: value for name, value in fitted.__dict__.items() if name not in own})
+    return counted
 
 
 def _are_jumps(terms: Sequence[Term]) -> list[bool]:
