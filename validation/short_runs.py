@@ -13,7 +13,7 @@ import argparse
 import numpy as np
 from laser_run import MACHINE, draw_laser_run
 
-import geoerr.diagnose.noise as noise_of_diagnosis
+import geoerr.fit.noise_model as noise_of_diagnosis
 from geoerr.diagnose.asked import diagnose
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.fit import FitOptions, fit_terms

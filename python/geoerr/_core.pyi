@@ -365,7 +365,7 @@ def remove_line(
 
 @final
 class NoiseBlocks:
-    """Blocks of rows, sorted by session and time (`geoerr.diagnose.noise.Blocks`).
+    """Blocks of rows, sorted by session and time (`geoerr.fit.noise_model.Blocks`).
 
     Parameters
     ----------

@@ -7,9 +7,9 @@ import pytest
 from hidden_machine import Noise, Plan, machine, measure, motion
 from scipy import linalg, optimize
 
-from geoerr.diagnose.noise import NoiseSums, blocks_of, fit_noise, without_drift
-from geoerr.diagnose.space import beyond, offset_weights, orthonormal, space_of, unseen_residual
+from geoerr.diagnose.space import beyond, orthonormal, space_of, unseen_residual
 from geoerr.fit import FitOptions, Fitted, fit_terms
+from geoerr.fit.noise_model import NoiseSums, blocks_of, fit_noise, offset_weights, without_drift
 
 SMALL = Plan(n_sessions=2, n_lines=8, n_points=12)
 
@@ -23,7 +23,7 @@ def _fitted(seed: int, noise: Noise, plan: Plan = SMALL) -> Fitted:
 def _problem(seed: int) -> tuple[NoiseSums, np.ndarray, np.ndarray, np.ndarray]:
     fitted = _fitted(seed, Noise(offset=4.0, drift=4.0))
     rng = np.random.default_rng(seed)
-    weights = offset_weights(fitted)
+    weights = offset_weights(fitted.sightings, fitted.solved.used)
     basis = orthonormal(rng.normal(size=(weights.size, 9))).reshape(*weights.shape, 9)
     residual = rng.normal(size=weights.shape)
     return NoiseSums(blocks_of(fitted.sightings), weights, residual, basis), weights, residual, basis
@@ -70,7 +70,7 @@ def test_gradient_is_that_of_differences(restricted: bool) -> None:
 @pytest.mark.parametrize("hidden", [Noise(), Noise(offset=5.0), Noise(drift=8.0), Noise(offset=3.0, drift=30.0)])
 def test_no_other_minimiser_finds_more(hidden: Noise) -> None:
     fitted = _fitted(6, hidden, Plan(n_sessions=3, n_lines=12, n_points=30))
-    weights = offset_weights(fitted)
+    weights = offset_weights(fitted.sightings, fitted.solved.used)
     residual = fitted.solved.whitened * (weights > 0.0)
     basis = orthonormal(np.random.default_rng(6).normal(size=(weights.size, 5))).reshape(*weights.shape, 5)
     sums = NoiseSums(blocks_of(fitted.sightings), weights, residual, basis)
@@ -151,7 +151,7 @@ def test_whitening_is_the_inverse_root_of_the_covariance() -> None:
     same = blocks.pass_number[b][:, None] == blocks.pass_number[b]
     together = blocks.session[b][:, None] == blocks.session[b]
     drift = together * np.exp(-np.abs(blocks.time[b][:, None] - blocks.time[b]) / noise.memory[1])
-    z = offset_weights(space.fitted)[:, 1]
+    z = offset_weights(space.fitted.sightings, space.fitted.solved.used)[:, 1]
     v = np.eye(n) + np.outer(z, z) * (noise.offset[1] ** 2 * same + noise.drift[1] ** 2 * drift)
     assert noise.sigma[1] ** 2 * root @ v @ root.T == pytest.approx(np.eye(n), abs=1e-9)
     back = noise.whiten_transposed(unit)[:, 1]

@@ -42,7 +42,7 @@ def sources_of_fit(
     fitted: Fitted, estimator: Estimator, rig: Rig | None, calibration_dof: float
 ) -> tuple[list[Source], list[str]]:
     """Give the sources that the data tell of, and sentences about what is not counted."""
-    sources, silent = list(_of_noise(fitted, estimator)), []
+    sources, silent = [*_of_noise(fitted, estimator), *_of_what_rows_share(fitted)], []
     calibration = calibration_source(estimator, rig, calibration_dof)
     if calibration is None:
         silent.append("calibration of the measuring device: the fit was not told of it")
@@ -161,8 +161,11 @@ def _of_covariance(root: Numbers, dof: float) -> Source:
 def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
     parts = estimator.of_noise()
     root = np.concatenate(parts, axis=1)
+    shared = fitted.shared_noise
     if not fitted.sightings.is_stated:
-        root, std, dof = fitted.scale * root, fitted.scale * _UM_PER_MM, float(max(fitted.dof, 1))
+        scatter = fitted.scale if shared is None else shared.mean_scatter
+        root = scatter * root if shared is None else shared.scatter_root()
+        std, dof = scatter * _UM_PER_MM, float(max(fitted.dof, 1))
         yield Source("data", "scatter of the measured points", "A", "normal", std, "µm", dof, by_parameter=root)
         return
     stage = stages_of(fitted, None)[-1]
@@ -175,8 +178,9 @@ def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
         }
     what = "noise of the pictures, by the points' stated covariances"
     yield Source("pixels", what, "A", "normal", stage.std, stage.unit, by_parameter=root, pieces=pieces)
-    if fitted.scale > 1.0:
-        beyond = math.sqrt(fitted.scale**2 - 1.0)
+    scatter = fitted.scale if shared is None else shared.mean_scatter
+    if scatter > 1.0:
+        beyond = math.sqrt(scatter**2 - 1.0)
         yield Source(
             "scatter",
             "scatter of the points beyond their stated covariances",
@@ -185,8 +189,14 @@ def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
             stage.std * beyond,
             stage.unit,
             float(max(fitted.dof, 1)),
-            by_parameter=beyond * root,
+            by_parameter=beyond * root if shared is None else shared.scatter_root(beyond=1.0),
         )
+
+
+def _of_what_rows_share(fitted: Fitted) -> Iterator[Source]:
+    if fitted.shared_noise is not None:
+        what = "offsets of passes and drifts, which rows share"
+        yield Source("shared", what, "A", "normal", math.nan, "", by_parameter=fitted.shared_noise.root)
 
 
 def _misfit_of_fit(fitted: Fitted) -> Source | str:

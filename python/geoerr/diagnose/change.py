@@ -37,6 +37,7 @@ from geoerr.fit.choose_again import choose_again, is_worth_asking
 from geoerr.fit.empirical import is_empirical
 from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.other_sessions import refuse_other_sessions
+from geoerr.fit.shared_noise import with_shared_noise
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.variables import lacks_some
 from geoerr.fit.wavy import may_be_followed
@@ -436,7 +437,8 @@ def _change(
     whole: Fitted | None = None,
 ) -> Change:
     """Give a change with both fits to the same rows; the model is that of `whole`, where that has more rows."""
-    held = after if action == "added" else before
+    after = with_shared_noise(after)
+    held = after if action == "added" else with_shared_noise(before)
     data.steps.next("each pass predicted by the others, before and after")
     entry = HistoryEntry(
         reference=reference,
@@ -447,6 +449,6 @@ def _change(
         action="added" if action == "added" else "removed",
     )
     earlier = () if model.record is None else model.record.history
-    result = result_of(whole or after, (*earlier, entry))
+    result = result_of(after if whole is None else with_shared_noise(whole), (*earlier, entry))
     data.steps.end()
     return Change(result, before, after)

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from scipy import linalg
 
 from geoerr import _core
-from geoerr.diagnose.noise import WINSOR, NoiseModel, NoiseSums, blocks_of
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.noise_model import WINSOR, NoiseModel, NoiseSums, blocks_of, offset_weights
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.start import KINDS
 from geoerr.model.compile import compile_terms
@@ -181,7 +181,10 @@ def _held_beforehand(fitted: Fitted) -> np.ndarray:
 
 def noise_sums(fitted: Fitted, rows: Numbers, raw_basis: Numbers, *, threads: int = 0) -> NoiseSums:
     """Sum up a fit's residual and basis (n, 3, r), both whitened by the stated uncertainties, for a noise model."""
-    residual, weights = fitted.solved.whitened * rows, offset_weights(fitted) * (rows > 0.0)
+    residual, weights = (
+        fitted.solved.whitened * rows,
+        offset_weights(fitted.sightings, fitted.solved.used) * (rows > 0.0),
+    )
     return NoiseSums(blocks_of(fitted.sightings), weights, residual, raw_basis, threads=threads)
 
 
@@ -279,14 +282,6 @@ def scatter_of(fitted: Fitted, rows: Numbers) -> float:
     steps = np.abs(np.diff(fitted.solved.whitened, axis=0)[counts])
     # The middle of absolute values knows no jumps; 0.6745 makes it a standard deviation.
     return float(np.median(steps)) / 0.6745 / math.sqrt(2.0) if len(steps) else 0.0
-
-
-def offset_weights(fitted: Fitted) -> Numbers:
-    """Give what an offset of the device does to each whitened number, (n, 3): 1 on average, 0 where none counts."""
-    sightings = fitted.sightings
-    weights = np.einsum("nii->ni", sightings.whitening) * sightings.is_measured * fitted.solved.used[:, None]
-    mean = weights.sum(axis=0) / np.maximum((weights > 0.0).sum(axis=0), 1)
-    return np.asarray(weights / np.where(mean > 0.0, mean, 1.0))
 
 
 def orthonormal(columns: Numbers, *, threads: int = 0) -> Numbers:

@@ -16,6 +16,7 @@ from geoerr.fit.history import figures_to_remember, history_of, steps_to
 from geoerr.fit.joined import sightings_of, within_the_machine
 from geoerr.fit.other_sessions import refuse_other_sessions
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
+from geoerr.fit.shared_noise import with_shared_noise
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.split import Split
 from geoerr.machine import Machine
@@ -132,7 +133,7 @@ def fit_model(
     on_progress(0, 2 + len(wanted))
     held = held_errors(options.components, terms)
     asked = additions(wanted, known or catalogue(), described, joined, held, fit, way)
-    fitted = fit([term for one in asked for term in one.terms])
+    fitted = with_shared_noise(fit([term for one in asked for term in one.terms]))
     # A model that was composed names its new effects by having no values for them.
     added = [Addition(term.id, term.title, (term,)) for term in terms if _is_new(term)] + asked
     total, done = 2 + len(added), iter(range(1, 3 + len(added)))

@@ -12,6 +12,7 @@ import numpy as np
 from geoerr import _core
 from geoerr.distributions import chi_squared_ppf
 from geoerr.error_functions import NotDetermined
+from geoerr.fit.covariance_parts import SharedNoise
 from geoerr.fit.figures import ErrorFigures, figures_of
 from geoerr.fit.held_out import HeldOut, folds_of, leave_out
 from geoerr.fit.knots import KnotChoice
@@ -89,6 +90,8 @@ class Fitted(KeepsWorkedOut):
         How each function's basis was chosen.
     begun_sums
         Of the fit that this one began at.
+    shared_noise
+        What rows share, where they do and it is counted in `covariance` (`with_shared_noise`); else None.
     """
 
     machine: Machine
@@ -109,6 +112,7 @@ class Fitted(KeepsWorkedOut):
     prior: Numbers | None = None
     threads: int = 0
     begun_sums: BegunSums | None = None
+    shared_noise: SharedNoise | None = None
 
     def again(
         self,

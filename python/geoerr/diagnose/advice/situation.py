@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.column_names import is_temperature
-from geoerr.diagnose.noise import NoiseModel
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.looks import begins_look
 from geoerr.fit.noise import NOT_CONDITIONS
+from geoerr.fit.noise_model import NoiseModel
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.start import KINDS
 from geoerr.fit.variables import clock_s, times_s

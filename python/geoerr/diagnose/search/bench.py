@@ -9,7 +9,6 @@ import numpy as np
 
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.held_out_after import HeldOutAfter
-from geoerr.diagnose.noise import NoiseModel, NoiseSums
 from geoerr.diagnose.null import N_DRAWS
 from geoerr.diagnose.scan import Scanner
 from geoerr.diagnose.space import (
@@ -25,6 +24,7 @@ from geoerr.diagnose.space import (
 )
 from geoerr.fit import has_covariates
 from geoerr.fit.fitted import Fitted
+from geoerr.fit.noise_model import NoiseModel, NoiseSums
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.waves_in_time import WavesInTime
 from geoerr.terms import Term

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate
-from geoerr.diagnose.noise import NoiseModel, NoiseSums, without_drift
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.search.asked_for import AskedFor
@@ -19,6 +18,7 @@ from geoerr.diagnose.search.look import Round
 from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.space import Space
 from geoerr.distributions import f_log_sf
+from geoerr.fit.noise_model import NoiseModel, NoiseSums, without_drift
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import is_motion
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from geoerr.diagnose.noise import NoiseModel
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.settle import Settled, resettle
 from geoerr.diagnose.space import Space
 from geoerr.diagnose.ties import z_by_pieces
+from geoerr.fit.noise_model import NoiseModel
 from geoerr.fit.sightings import Numbers
 
 # Noise and inner parameters are estimated one after the other so many times.

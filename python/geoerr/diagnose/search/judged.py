@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from geoerr.diagnose.candidates import Candidate, Shapes, is_free
-from geoerr.diagnose.noise import NoiseModel
 from geoerr.diagnose.null import surprise
 from geoerr.diagnose.probes import Probe
 from geoerr.diagnose.scan import Scanned, Scanner, seen
 from geoerr.diagnose.space import Space
+from geoerr.fit.noise_model import NoiseModel
 from geoerr.fit.sightings import Numbers
 from geoerr.fit.ties import first_best
 from geoerr.terms import EffectReference, Term

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geoerr.diagnose.noise import NoiseModel
 from geoerr.diagnose.search.bench import Bench
 from geoerr.diagnose.search.beside_drift import drifts_far
 from geoerr.diagnose.search.best_form import beside_others
 from geoerr.diagnose.search.judged import Judged
 from geoerr.diagnose.search.settle import Settled
+from geoerr.fit.noise_model import NoiseModel
 from geoerr.fit.sightings import Numbers
 
 # A drift has learnt an effect if no more than this share of it is left beside that.

@@ -36,6 +36,8 @@ from geoerr.machine import AXES
 from geoerr.terms import EffectReference
 
 # More places than these are taken together in as many cells, between whose middles an error runs straight.
+# A wave of fewer turns on the way of an axis bends no more often than errors of guideways do.
+_FEWEST_TURNS = 2.0
 _FEWEST_PLACES, _MOST_PLACES = 3, 100
 # How rough errors may be, in units of what the data can see.
 ROUGH_SIZES = np.geomspace(1e-3, 1e6, 73)
@@ -134,6 +136,19 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
         return None
     wave, period_mm = claim.what.reference, term.inner[place].value
     return RoughError(axis, len(places_mm), wave, period_mm, channels_of(claim), probe), columns
+
+
+def is_smooth_beside_held(bench: Bench, claim: Judged, settled: Settled) -> bool:
+    """Tell whether a wave along an axis makes too few turns to be told from a smooth error, where the model is held.
+
+    A straightness that is another by now bends as often. Where the model's own functions are free they follow that.
+    """
+    term = settled.term
+    place = None if term is None else place_of_period(term)
+    if term is None or place is None or isinstance(claim.what, Probe) or term.variables[0] not in AXES:
+        return False
+    way_mm = float(np.ptp(_places_mm(bench, term.variables[0])))
+    return way_mm < _FEWEST_TURNS * term.inner[place].value and not _is_free(bench, term.variables[0], claim)
 
 
 def channels_of(claim: Judged) -> tuple[str, ...]:

@@ -272,6 +272,13 @@ def fit_noise(
     return NoiseSums(blocks, weights, residual, basis, threads=threads).fit(restricted=restricted, start=start)
 
 
+def offset_weights(sightings: Sightings, used: np.ndarray) -> Numbers:
+    """Give what an offset of the device does to each whitened number, (n, 3): 1 on average, 0 where none counts."""
+    weights = np.einsum("nii->ni", sightings.whitening) * sightings.is_measured * used[:, None]
+    mean = weights.sum(axis=0) / np.maximum((weights > 0.0).sum(axis=0), 1)
+    return np.asarray(weights / np.where(mean > 0.0, mean, 1.0))
+
+
 def without_drift(noise: NoiseModel, *, without_offsets: bool = False) -> NoiseModel:
     """Give a noise model with no drift, or with neither drift nor offsets: to see what they would hide."""
     return replace(noise, drift=np.zeros(3), offset=np.zeros(3) if without_offsets else noise.offset)

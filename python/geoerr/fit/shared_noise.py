@@ -1,0 +1,187 @@
+"""What rows share beside the model: offsets of passes and drifts of the device, in the uncertainties of a fit.
+
+The least squares weigh rows as if each scattered by itself. Where rows of a pass share an offset, or rows near in
+time a drift, the covariance of the noise is that of `noise_model`, V = σ² (I + Z C Zᵀ) for each component, and that
+of the parameters
+
+    K Aᵀ V A Kᵀ = Σ_c σ_c² K A_cᵀ A_c Kᵀ + Σ_c σ_c² (K A_cᵀ Z) C_c (K A_cᵀ Z)ᵀ,
+
+with K the covariance of the unknowns by white noise of unit size and A their columns, both whitened (Huber's
+sandwich, with V from the model of the noise and not from its own residuals: passes are fewer than parameters). The
+first sum is what rows scatter by themselves, the second what they share. It stands in the place of the fit's own
+covariance, where the residual says for certain that rows share something. What a prior knew keeps its part.
+
+Verified in tests/fit/test_shared_noise.py: the formula by dense matrices, stated uncertainties by Monte-Carlo with
+offsets and with a drift, and no change where there is neither.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import fields, replace
+
+import numpy as np
+
+from geoerr import _core
+from geoerr.distributions import chi_squared_sf
+from geoerr.fit.covariance_parts import SharedNoise
+from geoerr.fit.fitted import Fitted
+from geoerr.fit.jumps import jump_places
+from geoerr.fit.noise_model import NoiseModel, NoiseSums, blocks_of, offset_weights
+from geoerr.fit.sightings import Numbers
+from geoerr.terms import Parameter, Term
+
+# Less probable than this, what rows share is not chance (as for the fit's own scale).
+_SIGNIFICANCE = 0.01
+# Numbers of what rows share: offset, drift and its memory, of three components.
+_N_SHARED = 9
+# Rows whose columns are made at once, and numbers of columns that are kept: 50 MB.
+_ROWS_AT_ONCE, _MOST_NUMBERS = 2048, 6_000_000
+# Steps to the scatter of rows that share nothing; each leaves a hundredth of what was missing.
+_STEPS = 4
+
+
+def with_shared_noise(fitted: Fitted) -> Fitted:
+    """Give a fit whose covariance and standard errors count what rows share; the same where they share nothing.
+
+    A fit to lengths stays as it is: they are differences, of passes that share no offset.
+    """
+    sightings, solved = fitted.sightings, fitted.solved
+    n_found = solved.solution.covariance_root.shape[1]
+    if sightings.has_lengths_only or sightings.n_passes < 2 or n_found == 0 or fitted.dof <= 0:
+        return fitted
+    blocks, weights = blocks_of(sightings), offset_weights(sightings, solved.used)
+    columns = _Columns(fitted, weights, blocks.block, len(blocks))
+    some = columns.some
+    residual = (solved.whitened * (weights > 0.0))[some]
+    of_some = replace(blocks, block=blocks.block[some])
+    # Of every second row the columns are half as long, and must be orthonormal.
+    basis = columns.of_some
+    if len(some) < len(sightings):
+        basis = _core.orthonormal_columns(basis.reshape(3 * len(some), -1), fitted.threads).reshape(len(some), 3, -1)
+    sums = NoiseSums(of_some, weights[some], residual, basis, threads=fitted.threads)
+    noise = sums.fit()
+    return _counted(fitted, noise, columns) if _is_certain(sums, noise) else fitted
+
+
+class _Columns:
+    """The columns A R of unit covariance of all rows, summed up as they are made.
+
+    Attributes
+    ----------
+    some : (k,)
+        Rows whose columns are kept: all of them, or evenly so many that their numbers are not too many.
+    of_some : (k, 3, r)
+        Their columns.
+    grams : (3, r, r)
+        Products of the columns with each other, each component's rows.
+    by_block : (3, n_blocks, r)
+        Sums over the rows of each block: what an offset of the block moves.
+    """
+
+    def __init__(self, fitted: Fitted, weights: Numbers, block: np.ndarray, n_blocks: int) -> None:
+        root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
+        n_rows, rank = len(used), root.shape[1]
+        self.some = np.arange(0, n_rows, max(math.ceil(3 * n_rows * rank / _MOST_NUMBERS), 1))
+        self.grams = np.zeros((3, rank, rank))
+        self.by_block = np.zeros((3, n_blocks, rank))
+        kept = []
+        for first in range(0, n_rows, _ROWS_AT_ONCE):
+            last = min(first + _ROWS_AT_ONCE, n_rows)
+            design = fitted.problem.design(fitted.solved.design_state, used, first, last, fitted.threads)
+            columns = (design @ root).reshape(last - first, 3, rank)
+            order = np.argsort(block[first:last], kind="stable")
+            own, starts = np.unique(block[first:last][order], return_index=True)
+            for component in range(3):
+                self.grams[component] += columns[:, component].T @ columns[:, component]
+                weighed = weights[first:last, component, None] * columns[:, component]
+                self.by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
+            kept.append(columns[self.some[(self.some >= first) & (self.some < last)] - first])
+        self.of_some = np.concatenate(kept)
+
+
+def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
+    """Tell whether rows share something: by the ratio of restricted likelihoods with and without."""
+    if not (noise.offset.any() or noise.drift.any()):
+        return False
+    logs = noise.logs
+    logs[:, 1:3] = -np.inf
+    n_numbers = np.maximum((sums.weights > 0.0).sum(axis=0) - np.einsum("ncr,ncr->c", sums.basis, sums.basis), 1.0)
+    alone = np.inf
+    for _ in range(_STEPS):
+        alone, gradient = sums.minus_twice_log_likelihood(logs)
+        logs[:, 0] -= gradient[:, 0] / n_numbers
+    gain = alone + 2.0 * noise.log_likelihood
+    return float(chi_squared_sf(gain, _N_SHARED)) < _SIGNIFICANCE
+
+
+def _moved(noise: NoiseModel, by_block: Numbers) -> Numbers:
+    """Give σ (A R)ᵀ Z C^(1/2), (r, k): what the offsets of all blocks move, one component beside another."""
+    sessions = [(component, own) for component in range(3) for own in noise.blocks.slices]
+    roots = [
+        noise.sigma[component] * by_block[component, own].T @ _root_of_session(noise, component, own)
+        for component, own in sessions
+    ]
+    return np.concatenate(roots, axis=1)
+
+
+def _root_of_session(noise: NoiseModel, component: int, own: slice) -> Numbers:
+    """Give C^(1/2) of the blocks of one session."""
+    blocks = noise.blocks
+    same_pass = blocks.pass_number[own, None] == blocks.pass_number[None, own]
+    apart = np.abs(blocks.time[own, None] - blocks.time[None, own])
+    offset, drift, memory = (float(one[component]) for one in (noise.offset, noise.drift, noise.memory))
+    value, vector = np.linalg.eigh(offset**2 * same_pass + drift**2 * np.exp(-apart / memory))
+    return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))
+
+
+def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
+    """Give the fit with the covariance by this noise."""
+    n_coefficients = fitted.compiled.n_coefficients
+    inner = [one for term in fitted.terms for one in term.inner]
+    free = [n_coefficients + place for place, one in enumerate(inner) if not one.is_fixed]
+    places = [*range(n_coefficients), *free]
+    # How sure the moment of a jump is follows from no derivative.
+    jumps = [n_coefficients + place for place, is_jump in enumerate(_are_jumps(fitted.terms)) if is_jump]
+    gain = np.zeros((len(fitted.covariance), columns.grams.shape[1]))
+    gain[places] = fitted.root[: len(places)]
+    gain[jumps] = 0.0
+    least = 1.0 if fitted.sightings.is_stated else 0.0
+    scatter = np.clip(noise.sigma, least, max(fitted.unit, least))
+    shared = SharedNoise(scatter, columns.grams, gain, gain @ _moved(noise, columns.by_block))
+    by_prior = fitted.unit**2 * (np.eye(gain.shape[1]) - columns.grams.sum(axis=0))
+    by_scatter = np.einsum("c,cij->ij", scatter**2, columns.grams)
+    covariance = gain @ (by_scatter + by_prior) @ gain.T + shared.root @ shared.root.T
+    covariance[jumps, jumps] = fitted.covariance[jumps, jumps]
+    errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
+    terms = _with_errors(fitted.terms, errors[:n_coefficients], errors[n_coefficients:])
+    return _beside_what_is_known(fitted, replace(fitted, covariance=covariance, shared_noise=shared, terms=terms))
+
+
+def _beside_what_is_known(fitted: Fitted, counted: Fitted) -> Fitted:
+    """Give the second with what was worked out of the first: held-out errors follow from no covariance."""
+    own = {field.name for field in fields(fitted)}
+    counted.__dict__.update({name: value for name, value in fitted.__dict__.items() if name not in own})
+    return counted
+
+
+def _are_jumps(terms: Sequence[Term]) -> list[bool]:
+    return [place in jump_places(term) for term in terms for place in range(len(term.inner))]
+
+
+def _with_errors(
+    terms: tuple[Term, ...], of_coefficients: Sequence[float], of_inner: Sequence[float]
+) -> tuple[Term, ...]:
+    """Give terms with other standard errors; what has none keeps none."""
+    coefficients, inner = iter(of_coefficients), iter(of_inner)
+
+    def errors(parameters: Sequence[Parameter], found: Iterator[float]) -> list[float]:
+        return [error if math.isfinite(one.std) else one.std for one, error in zip(parameters, found, strict=False)]
+
+    return tuple(
+        term.with_values(
+            coefficients_std=errors(term.coefficients, coefficients), inner_std=errors(term.inner, inner)
+        )
+        for term in terms
+    )

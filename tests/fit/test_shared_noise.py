@@ -1,0 +1,143 @@
+"""What rows share, in the uncertainties of a fit: by dense matrices, and by Monte-Carlo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from geoerr.budget import uncertainty_budget
+from geoerr.fit import FitOptions, Fitted, fit_model, fit_terms, shared_noise
+from geoerr.fit.noise_model import NoiseModel, blocks_of, offset_weights
+from geoerr.fit.shared_noise import _Columns, _moved
+from geoerr.machine import Axis, Machine
+from geoerr.observations import Observations, observations_from_columns
+
+MACHINE = Machine("test", "wbXYZt", {axis: Axis((0.0, 300.0)) for axis in "xyz"}, tool_offset_mm=(0.0, 0.0, 0.0))
+EFFECTS = ["scale:x", "scale:y", "squareness:xy"]
+TRUTH = {"scale:x": 40e-6, "scale:y": -25e-6, "squareness:xy": 60e-6}
+N_PASSES, N_POINTS, SECONDS = 24, 10, 6.0
+WHITE_UM = 3.0
+
+
+def _observations(seed: int, *, offset_um: float = 0.0, drift_um: float = 0.0) -> Observations:
+    """Measure lines along axes and diagonals with a device whose passes have offsets, and that drifts."""
+    rng = np.random.default_rng(seed)
+    places, line = [], []
+    for number in range(N_PASSES):
+        along = (np.eye(3)[number % 3], np.array([1.0, 1.0, 0.0]), np.array([1.0, -1.0, 0.5]))[number // 3 % 3]
+        begin = rng.uniform(100.0, 200.0, 3)
+        reach = np.linspace(-95.0, 95.0, N_POINTS) * (1.0 if number % 2 else -1.0)
+        places.append(begin + reach[:, None] * along)
+        line.append(np.full(N_POINTS, number))
+    q, line_of_row = np.concatenate(places), np.concatenate(line)
+    t = SECONDS * np.arange(len(q))
+    error = np.zeros_like(q)
+    error[:, 0] = TRUTH["scale:x"] * q[:, 0] - TRUTH["squareness:xy"] * q[:, 1]
+    error[:, 1] = TRUTH["scale:y"] * q[:, 1]
+    noise = WHITE_UM * rng.normal(size=q.shape)
+    noise += offset_um * rng.normal(size=(N_PASSES, 3))[line_of_row]
+    apart = np.abs(t[:, None] - t[None, :])
+    value, vector = np.linalg.eigh(np.exp(-apart / 300.0))
+    noise += drift_um * (vector * np.sqrt(np.maximum(value, 0.0))) @ rng.normal(size=q.shape)
+    m = q + error + 1e-3 * noise
+    columns: dict[str, object] = {
+        "x": q[:, 0],
+        "y": q[:, 1],
+        "z": q[:, 2],
+        "t": t,
+        "line": [f"L{n}" for n in line_of_row],
+    }
+    columns |= {"mx": m[:, 0], "my": m[:, 1], "mz": m[:, 2]}
+    columns |= {f"s{axis}": np.full(len(q), 1e-3 * WHITE_UM) for axis in "xyz"}
+    return observations_from_columns(columns)
+
+
+def _fitted(observations: Observations) -> Fitted:
+    return fit_model(MACHINE, observations, components="none", effects=EFFECTS, options=FitOptions(threads=1)).fitted
+
+
+def _z(fitted: Fitted) -> list[float]:
+    values = {term.id: term.coefficients[0] for term in fitted.terms}
+    return [(values[name].value - TRUTH[name]) / values[name].std for name in EFFECTS]
+
+
+def _plain(observations: Observations) -> Fitted:
+    """Fit as if each row scattered by itself."""
+    fitted = _fitted(observations)
+    return fit_terms(MACHINE, [observations], effects=fitted.terms, options=FitOptions(components="none", threads=1))
+
+
+@pytest.mark.parametrize("shared", [{"offset_um": 4.0}, {"drift_um": 5.0}], ids=["offsets", "drift"])
+def test_intervals_hold_where_rows_share_something(shared: dict[str, float]) -> None:
+    made = [_observations(seed, **shared) for seed in range(60)]
+    counted = np.array([_z(_fitted(one)) for one in made])
+    # Of 180 squares of standard normal numbers, which three by three are nearly independent, the mean.
+    assert 0.7 < (counted**2).mean() < 1.35
+    plain = np.array([_z(_plain(one)) for one in made])
+    assert (plain**2).mean() > 1.8, "rows that share nothing would have done"
+
+
+def test_nothing_changes_where_rows_share_nothing() -> None:
+    n_counted = 0
+    for seed in range(60):
+        fitted, plain = _fitted(made := _observations(seed)), _plain(made)
+        if fitted.shared_noise is not None:
+            n_counted += 1
+            continue
+        assert np.array_equal(fitted.covariance, plain.covariance)
+    # One of a hundred by chance.
+    assert n_counted <= 3
+
+
+def test_the_formula_is_that_of_dense_matrices() -> None:
+    plain = _plain(_observations(3, offset_um=4.0))
+    blocks = blocks_of(plain.sightings)
+    weights = offset_weights(plain.sightings, plain.solved.used)
+    sigma, offset, drift = np.array([[1.2, 0.9, 1.5], [1.0, 0.0, 2.0], [0.5, 1.5, 0.0]])
+    memory = np.array([0.3, 0.1, 1.0])
+    noise = NoiseModel(blocks, sigma, offset, drift, memory, weights, 0.0)
+    made = _Columns(plain, weights, blocks.block, len(blocks))
+    columns = made.of_some
+    assert np.array_equal(made.some, np.arange(len(weights)))
+    root, used = plain.solved.solution.covariance_root, plain.solved.used.astype(np.float64)
+    by_core = plain.problem.times(plain.solved.design_state, root, used, 1).reshape(len(weights), 3, -1)
+    np.testing.assert_allclose(columns, by_core, atol=1e-12)
+    shared = np.zeros((columns.shape[2],) * 2)
+    for c in range(3):
+        same_pass = blocks.pass_number[:, None] == blocks.pass_number
+        same_session = blocks.session[:, None] == blocks.session
+        apart = np.abs(blocks.time[:, None] - blocks.time)
+        inner = offset[c] ** 2 * same_pass + drift[c] ** 2 * same_session * np.exp(-apart / memory[c])
+        z = weights[:, c, None] * (blocks.block[:, None] == np.arange(len(blocks)))
+        shared += sigma[c] ** 2 * columns[:, c].T @ z @ inner @ z.T @ columns[:, c]
+    moved = _moved(noise, made.by_block)
+    np.testing.assert_allclose(moved @ moved.T, shared, rtol=1e-9, atol=1e-12 * np.abs(shared).max())
+
+
+def test_parts_add_up_to_the_covariance() -> None:
+    fitted = _fitted(_observations(5, offset_um=4.0, drift_um=3.0))
+    parts = fitted.shared_noise
+    assert parts is not None
+    scatter = parts.scatter_root()
+    np.testing.assert_allclose(
+        scatter @ scatter.T + parts.root @ parts.root.T,
+        fitted.covariance,
+        rtol=1e-9,
+        atol=1e-12 * float(np.abs(fitted.covariance).max()),
+    )
+    std = [one.std for term in fitted.terms for one in term.coefficients]
+    np.testing.assert_allclose(std, np.sqrt(np.diagonal(fitted.covariance)), rtol=1e-12)
+    own = {source.name: source for source in uncertainty_budget(fitted, {"far": (290.0, 290.0, 290.0)}).sources}
+    assert "shared" in own
+
+
+def test_many_rows_are_thinned_for_the_noise_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    observations = _observations(7, offset_um=4.0)
+    whole = _fitted(observations)
+    monkeypatch.setattr(shared_noise, "_MOST_NUMBERS", 3 * len(observations) * 4)
+    thinned = _fitted(observations)
+    assert thinned.shared_noise is not None
+    assert whole.shared_noise is not None
+    ratio = np.sqrt(np.diagonal(thinned.covariance) / np.diagonal(whole.covariance))
+    assert (np.abs(ratio - 1.0) < 0.25).all()
+    assert (ratio != 1.0).any()
