@@ -66,9 +66,13 @@ def by_strips_um(fitted: Fitted) -> float:
 
 def by_squares_um(fitted: Fitted) -> float:
     """Hold out squares of a 4 by 4 grid."""
-    x, y, _ = fitted.sightings.commanded_mm.T
+    return held_out_um(fitted, squares_of(fitted.sightings.commanded_mm))
+
+
+def squares_of(commanded_mm: np.ndarray) -> np.ndarray:
+    x, y, _ = commanded_mm.T
     edges = np.linspace(-330.0, 330.0, 5)[1:-1]
-    return held_out_um(fitted, 4 * np.digitize(x, edges) + np.digitize(y, edges))
+    return np.asarray(4 * np.digitize(x, edges) + np.digitize(y, edges))
 
 
 def held_out_um(fitted: Fitted, fold: np.ndarray) -> float:
@@ -98,9 +102,28 @@ def test_scale_and_squareness_have_their_sizes(affine: FitResult) -> None:
     assert mean == pytest.approx(-34e-6, abs=3e-6)
     squareness = affine.model.parameter("squareness:xy.S")
     assert abs(squareness.value) == pytest.approx(64e-6, abs=3.0 * squareness.std)
-    assert squareness.std < 3e-6
     slopes = affine.model.mean_scales()
     assert slopes["x"].value == pytest.approx(scale["x"].value, rel=1e-9)
+
+
+def test_standard_errors_are_those_of_squares_left_out(
+    plate: tuple[geoerr.Machine, geoerr.Observations], affine: FitResult
+) -> None:
+    """What neighbours share is no scatter: as if holes were independent, the errors would be 3 to 4 times too small."""
+    _, observations = plate
+    q, p = observations.commanded_mm[:, :2], observations.measured_mm[:, :2]
+
+    def linear(rows: np.ndarray) -> np.ndarray:
+        design = np.column_stack([q[rows], np.ones(int(rows.sum()))])
+        (xx, yx), (xy, yy) = np.linalg.lstsq(design, p[rows], rcond=None)[0][:2]
+        return np.array([xx, yy, xy + yx])
+
+    square = squares_of(observations.commanded_mm)
+    left_out = np.array([linear(square != one) for one in np.unique(square)])
+    # Jackknife (Tukey 1958).
+    jackknife = np.sqrt((len(left_out) - 1) ** 2 / len(left_out)) * left_out.std(axis=0, ddof=1)
+    told = [affine.model.parameter(name).std for name in ("scale:x.k", "scale:y.k", "squareness:xy.S")]
+    assert (np.abs(np.log2(told / jackknife)) < 1.0).all()
 
 
 def test_functions_of_the_axes_and_yaw_predict_holes_that_they_have_not_seen(

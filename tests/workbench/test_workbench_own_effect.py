@@ -110,7 +110,8 @@ def test_what_hangs_together_within_passes_is_no_proof_row_by_row(tmp_path: Path
     settle(session)
     # The play that the model lacks is the same all along a line that stands in x.
     tried(session, wave("across", "y"))
-    alone = chance_of_nothing(session.trial.change.after)["ripple:y"]
+    after = session.trial.change.after
+    alone = chance_of_nothing(after.again(after.terms))["ripple:y"]
     assert alone < 1e-9
     assert session.trial.p_value > 1e-3
 
