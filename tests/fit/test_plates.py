@@ -109,7 +109,7 @@ def test_scale_and_squareness_have_their_sizes(affine: FitResult) -> None:
 def test_standard_errors_are_those_of_squares_left_out(
     plate: tuple[geoerr.Machine, geoerr.Observations], affine: FitResult
 ) -> None:
-    """What neighbours share is no scatter: as if holes were independent, the errors would be 3 to 4 times too small."""
+    """What neighbours share is no scatter: were holes independent, errors would be told 3 to 4 times too small."""
     _, observations = plate
     q, p = observations.commanded_mm[:, :2], observations.measured_mm[:, :2]
 
