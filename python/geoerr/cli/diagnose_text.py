@@ -170,6 +170,8 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
         yield from wrapped(unknown.beyond_the_lines_words, "    ")
     if unknown.is_the_models_own:
         yield from wrapped("one position alone: the model's error functions are too stiff here", "    ")
+    if unknown.own_words is not None:
+        yield from wrapped(unknown.own_words, "    ")
     if unknown.curve is not None:
         yield from _curve(unknown.curve)
 
@@ -248,8 +250,11 @@ def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
     found, unknown = diagnosis.found, diagnosis.unknown
     if found and not found[0].in_model:
         title, reference = "to add it and see the error fall:", str(found[0].reference)
-    elif unknown is not None and not found and unknown.curve is not None:
-        title, reference = f"to add it as an empirical {unknown.form}, without a cause:", f"'{unknown.reference}'"
+    elif unknown is not None and not found and unknown.can_be_added:
+        title = f"to add it as an empirical {unknown.form}, without a cause:"
+        if unknown.own is not None:
+            title = "to make the model's curve finer:"
+        reference = f"'{unknown.reference}'"
     else:
         return
     yield ""

@@ -24,6 +24,8 @@ from geoerr.terms import EffectReference, Parameter, Term
 
 # What is said of an effect that a held model has, with another value.
 IN_MODEL = "the model has it with another value, and this is the difference: fit the model to these data"
+# What is said of what a curve of the model leaves over its own variables.
+_OWN_CURVE = "the model has a curve of this already, and this is what it leaves"
 # Channels of where the measuring device stands: `rig-tx`, `rig-ry` ...
 _POSE = frozenset(f"rig-{way}{axis}" for way in "tr" for axis in AXES)
 # More coefficients than this are a curve, not numbers to read.
@@ -357,11 +359,15 @@ class Unknown(Nameless):
         What `geoerr add` takes to add it as a curve.
     curve
         That curve, with its standard error; None where the variables that were found do not determine one, as between
-        places that are off by something else each.
+        places that are off by something else each. Beside a curve of the same variables that was fitted it is what
+        that one lacks.
     held_out
         Error without the curve and with it.
     beyond_the_lines_um
         The same with whole lines left out: where nothing was measured; None where lines were run once each.
+    own
+        Whether the model has a curve of the same displacement over the same variables already, and whether that was
+        fitted to these data, too, or held as it was; None where it has none.
     """
 
     where: Where
@@ -370,6 +376,26 @@ class Unknown(Nameless):
     curve: Curve | None
     held_out: HeldOut | None
     beyond_the_lines_um: tuple[float, float] | None = None
+    own: Literal["fitted", "held"] | None = None
+
+    @property
+    def can_be_added(self) -> bool:
+        """Whether `geoerr add` takes it: as a curve, or to make finer the one that the model has."""
+        return self.curve is not None and self.own != "held"
+
+    @property
+    def own_words(self) -> str | None:
+        """Say what it is to a curve that the model has of the same variables, and what can be done."""
+        if self.own is None:
+            return None
+        if self.own == "held":
+            return IN_MODEL
+        if self.curve is not None:
+            return f"{_OWN_CURVE}: it has to be finer, which adding it once more makes it"
+        return (
+            f"{_OWN_CURVE}: adding it once more would make it no finer; take it out and add it anew, or measure at "
+            f"more places over {listed(self.depends_on)}"
+        )
 
     @property
     def shape(self) -> str | None:
@@ -391,19 +417,26 @@ class Unknown(Nameless):
     @property
     def is_the_models_own(self) -> bool:
         """Whether it is a curve of one position: then the model's error functions are too stiff to follow."""
-        return self.curve is not None and len(self.depends_on) == 1 and self.depends_on[0] in ("x", "y", "z")
+        return (
+            self.curve is not None
+            and self.own is None
+            and len(self.depends_on) == 1
+            and self.depends_on[0] in ("x", "y", "z")
+        )
 
     @property
     def sentence(self) -> str:
         """Say what it is in a sentence."""
         on, worth = listed(self.depends_on), um_words(self.worth_um)
         what = "something that no known effect explains"
+        if self.own is not None:
+            what += f", nor the model's own {self.form} over the same,"
         return f"{what} acts along {self.component} and depends on {on}, worth {worth} rms"
 
     def words(self) -> str:
         """Say what it is, where it is largest, what it looks like and how sure."""
         texts = [self.sentence, self.where.words(), None if self.shape is None else f"shape: it {self.shape}"]
-        texts += [sure_words(self.p_value), self.beyond_the_lines_words]
+        texts += [sure_words(self.p_value), self.beyond_the_lines_words, self.own_words]
         return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
@@ -411,6 +444,8 @@ class Unknown(Nameless):
         return {
             **super().to_document(),
             "reference": self.reference,
+            "in_model": self.own is not None,
+            "can_be_added": self.can_be_added,
             "shape": self.shape,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "held_out_rmse_after_um": None if self.held_out is None else self.held_out.after_um,
