@@ -121,7 +121,7 @@ def test_a_curve_of_other_data_is_told_as_another_value(model: Model) -> None:
     found = diagnose(model, observations(1, 2.0), threads=1)
     assert found.unknown is not None
     assert found.unknown.reference == NAME
-    assert found.unknown.own == "held"
+    assert found.unknown.own_is_held
     assert "he model has it with another value" in found.unknown.words()
     assert found.unknown.to_document()["can_be_added"] is False
     assert "geoerr add" not in text_of(found)
@@ -141,8 +141,30 @@ def test_a_curve_that_was_written_otherwise_is_no_error_either() -> None:
     found = diagnose(fitted, threads=1)
     assert found.verdict == "unknown"
     assert found.unknown is not None
-    assert found.unknown.curve is None
+    assert found.unknown.curve is not None
+    assert not found.unknown.can_be_added
     assert "take it out and add it anew" in found.unknown.words()
+
+
+def test_a_second_wave_over_time_is_no_error_either() -> None:
+    """Two things hum, and one is in the model: of the other the period is told."""
+    table, rng = observations(2, 0.0), np.random.default_rng(3)
+    t = np.cumsum(rng.uniform(6.0, 10.0, len(table)))
+    columns = {name: table.frame[name].to_numpy() for name in table.frame.columns if name != "file_row"}
+    waves = 8.0 * np.sin(2.0 * np.pi * t / 330.0) + 4.0 * np.sin(2.0 * np.pi * t / 97.0)
+    table = observations_from_columns({**columns, "t": t, "my": columns["my"] + 1e-3 * waves})
+    base = fit_terms(MACHINE, [table], options=FitOptions(components="none", threads=1))
+    own = empirical_term(base, "empirical:y@t")
+    assert own.inner
+    found = diagnose(refit(base, [own]), threads=1)
+    assert found.verdict == "unknown"
+    unknown = found.unknown
+    assert unknown is not None
+    assert (unknown.reference, unknown.can_be_added) == ("empirical:y@t", False)
+    assert unknown.curve is not None
+    assert unknown.curve.period is not None
+    assert unknown.curve.period.value == pytest.approx(97.0, rel=0.01)
+    assert "takes no second one beside it" in unknown.words()
 
 
 def test_the_verbs_go_round(tmp_path: Path, model: Model) -> None:

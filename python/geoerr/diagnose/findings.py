@@ -16,7 +16,7 @@ from geoerr.effects.amplitudes import Amplitude, amplitude_words, parts_of
 from geoerr.effects.plausible import plausible_what, plausible_words
 from geoerr.effects.values import bounded_value_words, is_open
 from geoerr.fit.elsewhere import beyond_the_lines_document, beyond_the_lines_words
-from geoerr.fit.empirical import Curve
+from geoerr.fit.empirical import Curve, can_be_finer
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.summaries import capitalised, listed, uncapitalised
@@ -26,6 +26,7 @@ from geoerr.terms import EffectReference, Parameter, Term
 IN_MODEL = "the model has it with another value, and this is the difference: fit the model to these data"
 # What is said of what a curve of the model leaves over its own variables.
 _OWN_CURVE = "the model has a curve of this already, and this is what it leaves"
+_OWN_WAVE = "the model has a wave of this already, and takes no second one beside it"
 # Channels of where the measuring device stands: `rig-tx`, `rig-ry` ...
 _POSE = frozenset(f"rig-{way}{axis}" for way in "tr" for axis in AXES)
 # More coefficients than this are a curve, not numbers to read.
@@ -366,8 +367,9 @@ class Unknown(Nameless):
     beyond_the_lines_um
         The same with whole lines left out: where nothing was measured; None where lines were run once each.
     own
-        Whether the model has a curve of the same displacement over the same variables already, and whether that was
-        fitted to these data, too, or held as it was; None where it has none.
+        The curve of the same displacement over the same variables that the model has already; None where it has none.
+    own_is_held
+        Whether that was held as it was, and not fitted to these data, too.
     """
 
     where: Where
@@ -376,22 +378,26 @@ class Unknown(Nameless):
     curve: Curve | None
     held_out: HeldOut | None
     beyond_the_lines_um: tuple[float, float] | None = None
-    own: Literal["fitted", "held"] | None = None
+    own: Term | None = None
+    own_is_held: bool = False
 
     @property
     def can_be_added(self) -> bool:
         """Whether `geoerr add` takes it: as a curve, or to make finer the one that the model has."""
-        return self.curve is not None and self.own != "held"
+        is_one_more = self.own is None or (can_be_finer(self.own) and not self.own_is_held)
+        return self.curve is not None and is_one_more
 
     @property
     def own_words(self) -> str | None:
         """Say what it is to a curve that the model has of the same variables, and what can be done."""
         if self.own is None:
             return None
-        if self.own == "held":
+        if self.own_is_held:
             return IN_MODEL
-        if self.curve is not None:
+        if self.can_be_added:
             return f"{_OWN_CURVE}: it has to be finer, which adding it once more makes it"
+        if self.own.inner:
+            return f"{_OWN_WAVE}: find what goes on in that time, and stop it"
         return (
             f"{_OWN_CURVE}: adding it once more would make it no finer; take it out and add it anew, or measure at "
             f"more places over {listed(self.depends_on)}"
@@ -430,7 +436,7 @@ class Unknown(Nameless):
         on, worth = listed(self.depends_on), um_words(self.worth_um)
         what = "something that no known effect explains"
         if self.own is not None:
-            what += f", nor the model's own {self.form} over the same,"
+            what += f", nor the model's own {'wave' if self.own.inner else 'curve'} over the same,"
         return f"{what} acts along {self.component} and depends on {on}, worth {worth} rms"
 
     def words(self) -> str:

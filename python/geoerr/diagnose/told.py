@@ -346,7 +346,8 @@ class _Summary:
             curve,
             held_out,
             beyond_um,
-            own=None if own is None else "held" if own.id in self.held else "fitted",
+            own=own,
+            own_is_held=own is not None and own.id in self.held,
         )
 
 

@@ -123,24 +123,38 @@ def curve_in(terms: Sequence[Term], reference: str | EffectReference) -> Term | 
     )
 
 
+def can_be_finer(term: Term) -> bool:
+    """Tell whether polynomials can be put into a curve: not into a wave, nor one that was written in another way."""
+    return not term.inner and len(_degrees_of(term)) == len(term.coefficients)
+
+
 def finer_part(fitted: Fitted, own: Term) -> Term | None:
     """Give what a curve of a fit lacks as a term of another id; None where these data have no evidence of more.
 
-    What a wave in time lacks is no part of it, nor what a curve does that somebody wrote in another way.
+    Beside what cannot be made finer it is a curve of its own.
+
+    Raises
+    ------
+    InputFileError
+        as `empirical_term`.
     """
-    if own.inner or len(_degrees_of(own)) < len(own.coefficients):
-        return None
+    beside = f"{own.id}:finer"
+    if not can_be_finer(own):
+        return replace(empirical_term(fitted, own.id), id=beside)
     parsed = parse_effect_reference(own.id)
     channel, variables = _channel(parsed), _variables(parsed, fitted)
     degrees, evidence = _Design.of(Seen(fitted, channel), variables).best()
     if not degrees or evidence <= 0.0:
         return None
-    return replace(_term(parsed, channel, variables, degrees), id=f"{own.id}:finer")
+    return replace(_term(parsed, channel, variables, degrees), id=beside)
 
 
 def finer_term(fitted: Fitted, own: Term) -> Term | None:
-    """Give a curve of a fit with the polynomials that it lacks, values unknown; None as for `finer_part`."""
-    part = finer_part(fitted, own)
+    """Give a curve of a fit with the polynomials that it lacks, values unknown.
+
+    None where these data have no evidence of more, or it cannot be made finer.
+    """
+    part = finer_part(fitted, own) if can_be_finer(own) else None
     if part is None:
         return None
     parsed = parse_effect_reference(own.id)

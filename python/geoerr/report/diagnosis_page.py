@@ -176,7 +176,7 @@ def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:
     if unknown.curve is not None:
         added = f"It can be added to the model as a {unknown.form} without a cause."
         if unknown.own is not None:
-            added = f"This is what the model's own {unknown.form} over the same leaves."
+            added = "This is what the model's own curve over the same leaves."
         caption = f"What has no name: it {unknown.shape}. {added}"
         blocks.append(Figure(figures.unknown_curve(diagnosis), caption))
     return tuple(blocks)
