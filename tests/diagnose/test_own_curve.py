@@ -83,6 +83,16 @@ def test_what_the_own_curve_leaves_is_unknown_and_told_as_that(told: Diagnosis) 
     assert card.adds == "Make it finer"
 
 
+def test_the_two_largest_are_told_apart_and_the_uncertainty_is_said_to_be_of_these_degrees(told: Diagnosis) -> None:
+    assert told.unknown is not None
+    text, words = text_of(told), told.unknown.words()
+    for one in (text, words):
+        assert "hat the model cannot do of it: " in one
+        assert "; the curve itself is largest (" in one
+        assert "s a curve: held out " in one
+    assert text.count("± is that of a curve of these degrees") == 1
+
+
 def test_the_curve_is_what_is_left_beyond_the_own_one(told: Diagnosis) -> None:
     """The third degree in x alone: 6 µm in either corner, and nothing of the product of straight lines."""
     assert told.unknown is not None

@@ -159,13 +159,12 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
         f"unknown: acts along {unknown.component}, depends on {listed(unknown.depends_on)}, "
         f"worth {um_words(unknown.worth_um)} rms"
     )
-    yield from wrapped(unknown.where.words(), "    ")
+    yield from wrapped(unknown.where_words, "    ")
     if unknown.shape is not None:
         yield from wrapped(f"shape: it {unknown.shape}", "    ")
     yield from wrapped(sure_words(unknown.p_value), "    ")
-    held = unknown.held_out
-    if held is not None and held.before_um is not None and held.after_um is not None:
-        yield from wrapped(f"as a {unknown.form}: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+    if unknown.held_out_words is not None:
+        yield from wrapped(unknown.held_out_words, "    ")
     if unknown.beyond_the_lines_words is not None:
         yield from wrapped(unknown.beyond_the_lines_words, "    ")
     if unknown.is_the_models_own:
@@ -174,6 +173,8 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
         yield from wrapped(unknown.own_words, "    ")
     if unknown.curve is not None:
         yield from _curve(unknown.curve)
+    if unknown.std_words is not None:
+        yield from wrapped(unknown.std_words, "    ")
 
 
 def _curve(curve: Curve) -> Iterator[str]:

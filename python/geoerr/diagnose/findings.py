@@ -272,9 +272,7 @@ class Finding(Named):
     @property
     def held_out_words(self) -> str | None:
         """Say how the held-out error would fall; None where it was not computed."""
-        if self.held_out is None or self.held_out.before_um is None or self.held_out.after_um is None:
-            return None
-        return f"held out {self.held_out.before_um:.1f} → {um_words(self.held_out.after_um)}"
+        return held_out_words(self.held_out)
 
     def words(self) -> str:
         """Say in one paragraph what it is, its values, whether physics gives such, its worth and where, how sure."""
@@ -421,6 +419,25 @@ class Unknown(Nameless):
         return "curve" if self.curve is None or self.curve.period is None else "wave"
 
     @property
+    def held_out_words(self) -> str | None:
+        """Say how the held-out error would fall with the curve; None where it was not computed."""
+        words = held_out_words(self.held_out)
+        return None if words is None else f"as a {self.form}: {words}"
+
+    @property
+    def where_words(self) -> str:
+        """Say where it is largest, beyond what the model can do of it: the curve may be larger elsewhere."""
+        return f"what the model cannot do of it: {self.where.words()}"
+
+    @property
+    def std_words(self) -> str | None:
+        """Say what the uncertainty of the curve is of; None where there is none."""
+        if self.curve is None:
+            return None
+        kind = "one wave" if self.form == "wave" else "a curve of these degrees"
+        return f"± is that of {kind}: what another shape would add is not in it"
+
+    @property
     def is_the_models_own(self) -> bool:
         """Whether it is a curve of one position: then the model's error functions are too stiff to follow."""
         return (
@@ -441,8 +458,8 @@ class Unknown(Nameless):
 
     def words(self) -> str:
         """Say what it is, where it is largest, what it looks like and how sure."""
-        texts = [self.sentence, self.where.words(), None if self.shape is None else f"shape: it {self.shape}"]
-        texts += [sure_words(self.p_value), self.beyond_the_lines_words, self.own_words]
+        texts = [self.sentence, self.where_words, None if self.shape is None else f"shape: it {self.shape}"]
+        texts += [sure_words(self.p_value), self.held_out_words, self.beyond_the_lines_words, self.own_words]
         return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
@@ -459,6 +476,13 @@ class Unknown(Nameless):
             "where": self.where.to_document(),
             "curve": None if self.curve is None else self.curve.to_document(),
         }
+
+
+def held_out_words(held_out: HeldOut | None) -> str | None:
+    """Say how a held-out error would fall; None where it was not computed."""
+    if held_out is None or held_out.before_um is None or held_out.after_um is None:
+        return None
+    return f"held out {held_out.before_um:.1f} → {um_words(held_out.after_um)}"
 
 
 def reference_document(reference: EffectReference) -> dict[str, str | None]:

@@ -177,7 +177,7 @@ def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:
         added = f"It can be added to the model as a {unknown.form} without a cause."
         if unknown.own is not None:
             added = "This is what the model's own curve over the same leaves."
-        caption = f"What has no name: it {unknown.shape}. {added}"
+        caption = f"What has no name: it {unknown.shape}. {capitalised(unknown.std_words or '')}. {added}"
         blocks.append(Figure(figures.unknown_curve(diagnosis), caption))
     return tuple(blocks)
 
