@@ -11,7 +11,7 @@ from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import IN_MODEL, Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import by_reason, capitalised, counted, listed
+from geoerr.summaries import by_reason, capitalised, counted, listed, p_text
 
 _MEANINGS = {
     "own": "the model was fitted to these data: its own numbers take part",
@@ -223,7 +223,7 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
     yield f"{title + ', best first':<{_NAME_WIDTH}}{'worth':>11}{'p':>9}   held out"
     for finding in others[:_MOST_OTHERS]:
         held = finding.held_out_words or ""
-        worth, p_value = um_words(finding.worth_um), f"{finding.p_value:.1g}"
+        worth, p_value = um_words(finding.worth_um), p_text(finding.p_value, 1)
         figures = f"{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}"
         yield from named_row(str(finding.reference), _NAME_WIDTH - 2, figures, "  ")
     reasons = [(str(one.reference), one.left_because) for one in others[:_MOST_OTHERS] if one.left_because]

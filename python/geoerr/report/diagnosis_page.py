@@ -14,7 +14,7 @@ from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
-from geoerr.summaries import by_reason, capitalised
+from geoerr.summaries import by_reason, capitalised, p_text
 
 _UNKNOWN = "–"
 
@@ -136,7 +136,7 @@ def _ranking(diagnosis: Diagnosis) -> Table:
         (
             str(finding.reference),
             f"{finding.worth_um:.2f}",
-            f"{finding.p_value:.2g}",
+            p_text(finding.p_value),
             _number(None if finding.held_out is None else finding.held_out.before_um),
             _number(finding.held_out_rmse_after_um),
             "; ".join(finding.value_words),
