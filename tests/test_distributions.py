@@ -10,6 +10,11 @@ import pytest
 from scipy import stats
 
 from geoerr import distributions
+from geoerr.diagnose.circles.bench import Null as NullOfCircles
+from geoerr.diagnose.null import Null
+from geoerr.distributions import never_zero
+from geoerr.model.fit_words import lack_of_fit_words
+from geoerr.summaries import p_text, p_words
 
 VALUES = np.array([-1.0, 0.0, 1e-9, 0.3, 1.0, 2.5, 40.0, 900.0, 1e5, np.inf, np.nan])
 PROBABILITIES = np.array([0.0, 1e-12, 1e-4, 0.05, 0.5, 0.975, 1.0, np.nan])
@@ -54,3 +59,16 @@ def test_nothing_loads_what_takes_as_long_as_a_fit() -> None:
     code = "import geoerr.diagnose, geoerr.farm.job, sys; print({'scipy.stats', 'scipy.optimize'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_no_probability_is_told_as_0() -> None:
+    assert never_zero(0.0) > 0.0
+    assert never_zero(0.25) == 0.25
+    assert p_text(never_zero(0.0)) == p_text(0.0) == "< 1e-300"
+    assert p_words(0.0, 1) == "p < 1e-300"
+    assert (p_text(4.4e-131, 1), p_words(0.034)) == ("4e-131", "p = 0.034")
+    # Of a search: far beyond what any draw of noise shows.
+    for null in (Null(np.linspace(1.0, 8.0, 119)), NullOfCircles(np.linspace(1.0, 8.0, 119))):
+        assert 0.0 < null.p_value(5e4) < 1e-300
+    # Of a fit: a residual a million times the noise.
+    assert "(p < 1e-300)" in lack_of_fit_words(0.0, 12.0, is_from_repeats=True)

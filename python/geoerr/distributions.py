@@ -15,6 +15,13 @@ import numpy.typing as npt
 from scipy import special
 
 Numbers: TypeAlias = npt.NDArray[np.float64]
+#: The smallest probability that is told: below the smallest normal number a tail is none, and never exactly 0.
+LEAST_PROBABILITY = float(np.finfo(np.float64).tiny)
+
+
+def never_zero(probability: float) -> float:
+    """Give a probability, or the smallest that is told where it is none any more: nothing that was seen has none."""
+    return max(probability, LEAST_PROBABILITY)
 
 
 def chi_squared_sf(value: npt.ArrayLike, dof: npt.ArrayLike) -> Numbers:

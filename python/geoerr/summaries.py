@@ -12,6 +12,8 @@ from html import escape
 # Rows of a table that are shown; a notebook's cell is no report.
 MOST_ROWS = 30
 _UNKNOWN = "–"
+# A smaller probability is told as smaller than this.
+_LEAST_P = 1e-300
 _STYLE = "text-align:left;vertical-align:top;padding:2px 14px 2px 0"
 
 
@@ -56,6 +58,17 @@ def number_words(value: float) -> str:
     """Write a number with four figures, and no power of ten where people write none."""
     text = f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}"
     return text.replace("-", "−")
+
+
+def p_text(p_value: float, digits: int = 2) -> str:
+    """Write a probability; of one that no number tells any more a bound, for none is 0."""
+    return f"{p_value:.{digits}g}" if p_value >= _LEAST_P else f"< {_LEAST_P:g}"
+
+
+def p_words(p_value: float, digits: int = 2) -> str:
+    """Write `p = 0.02`, or that it is below what numbers tell."""
+    text = p_text(p_value, digits)
+    return f"p {text}" if text.startswith("<") else f"p = {text}"
 
 
 def listed(texts: Sequence[str], last: str = "and") -> str:

@@ -12,6 +12,9 @@ from geoerr.fit import sightings_of
 from geoerr.fit.empirical import Curve
 from geoerr.observations import observations_from_columns
 
+# The curve's degrees are those that data have evidence of: what they follow need not be a line.
+A_LINE = " (in a straight line, as far as these data tell)"
+
 
 def test_how_sure() -> None:
     assert sure_words(2.3e-7) == "certain as can be: chance does as much in one search of 4.3 million (p = 2.3e-07)"
@@ -34,8 +37,8 @@ AT = np.linspace(-1.0, 1.0, 41)
 @pytest.mark.parametrize(
     ("shape", "words"),
     [
-        (lambda u: 10.0 * u, "rises with feed in a straight line, 20.0 µm in all"),
-        (lambda u: -10.0 * u, "falls with feed in a straight line"),
+        (lambda u: 10.0 * u, f"rises with feed{A_LINE}, 20.0 µm in all"),
+        (lambda u: -10.0 * u, f"falls with feed{A_LINE}"),
         (lambda u: 10.0 * np.exp(3.0 * u), "rises with feed, most of it at high values"),
         (lambda u: 10.0 * u**2, "alike on both sides of the middle (even)"),
         (lambda u: 10.0 * u**2, "falls, then rises with feed (turning at 0)"),
@@ -67,7 +70,9 @@ def test_the_shape_of_a_direction_and_of_two_variables() -> None:
     at = np.linspace(0.0, 1.0, 9)
     product = Curve("z", ("feed", "z"), (at, at), 10.0 * np.outer(at, 2.0 * at - 1.0), np.full((9, 9), 0.1))
     words = shape_words(product)
-    assert words.startswith("falls with feed in a straight line at z = 0, and turns round at z = 0.5; largest")
+    assert words.startswith(
+        f"falls with feed{A_LINE} at z = 0, and turns round at z = 0.5; the curve itself is largest"
+    )
     assert "largest (−10.0 µm) at feed = 1, z = 0" in words
     steeper = Curve("z", ("feed", "z"), (at, at), 10.0 * np.outer(at, 1.0 + at), np.full((9, 9), 0.1))
     assert "2 times as much at z = 1 as at 0" in shape_words(steeper)
@@ -82,12 +87,21 @@ AT_X = np.linspace(0.0, 400.0, 17)
         # At both ends of x it rises; between them it turns its sign at 84, 169, 254 and 339.
         (
             np.sin(2.0 * np.pi * (AT_X + 1.0) / 170.0),
-            "rises with feed in a straight line at x = 50, and turns round at x = 84.23, 168.6, 254.3 and 338.9",
+            f"rises with feed{A_LINE} at x = 50, and turns round at x = 84.23, 168.6, 254.3 and 338.9",
         ),
-        (AT_X * (400.0 - AT_X) / 4e4, "rises with feed in a straight line at x = 200, and vanishes at x = 0 and 400"),
-        ((AT_X / 200.0 - 1.0) ** 2, "rises with feed in a straight line at x = 0, and vanishes at x = 200"),
-        (1.0 + AT_X / 400.0, "rises with feed in a straight line, 2 times as much at x = 400 as at 0"),
-        (np.ones(17), "rises with feed in a straight line; largest"),
+        (
+            AT_X * (400.0 - AT_X) / 4e4,
+            f"rises with feed{A_LINE} at x = 200, and vanishes at x = 0 and 400",
+        ),
+        (
+            (AT_X / 200.0 - 1.0) ** 2,
+            f"rises with feed{A_LINE} at x = 0, and vanishes at x = 200",
+        ),
+        (
+            1.0 + AT_X / 400.0,
+            f"rises with feed{A_LINE}, 2 times as much at x = 400 as at 0",
+        ),
+        (np.ones(17), f"rises with feed{A_LINE}; the curve itself is largest"),
     ],
 )
 def test_a_surface_is_told_over_the_whole_range_of_its_second_variable(along: np.ndarray, words: str) -> None:
@@ -97,7 +111,7 @@ def test_a_surface_is_told_over_the_whole_range_of_its_second_variable(along: np
     assert text.startswith(words)
     # The sum of two curves is said to be one.
     text = shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um + 0.05 * AT_X, std_um))
-    assert ", and beside that rises with x in a straight line; largest" in text
+    assert f", and beside that rises with x{A_LINE}; the curve itself is largest" in text
     # An uncertain corner is not where it is largest.
     value_um[0, -1], std_um[0, -1] = 90.0, 50.0
     assert "at feed = −1, x = 400" not in shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um, std_um))
@@ -107,7 +121,7 @@ def test_a_surface_of_several_shapes_is_told_in_the_middle_too() -> None:
     value_um = 10.0 * np.sin(0.5 * np.pi * AT[::2, None] + np.pi * AT_X / 400.0)
     text = shape_words(Curve("y", ("feed", "x"), (AT[::2], AT_X), value_um, np.full(value_um.shape, 0.1)))
     middle = "rises, then falls with feed (turning at 0) at x = 200"
-    assert text.startswith(f"rises with feed in a straight line at x = 0, {middle}, falls with feed")
+    assert text.startswith(f"rises with feed{A_LINE} at x = 0, {middle}, falls with feed")
 
 
 def test_where_an_effect_is_largest() -> None:

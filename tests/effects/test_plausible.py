@@ -123,3 +123,30 @@ def test_every_entry_says_what_is_usual_or_why_nothing_is(effect: Effect) -> Non
         for item in spec.plausible:
             assert not isinstance(item, UsualSpan) or item.source, f"{spec.name}: who says so"
     assert bool(effect.any_size) == (not effect.coefficients)
+
+
+@pytest.mark.parametrize(("value_mm", "std_mm"), [(-0.043, 0.0055), (-0.005, 0.0005)])
+def test_play_that_is_negative_is_not_of_a_usual_size(value_mm: float, std_mm: float) -> None:
+    """Over-compensation, says the cause: no screw has it."""
+    play = replace(catalogue()["backlash"].term("x", None, machine()).coefficients[0], value=value_mm, std=std_mm)
+    words = plausible_words(play)
+    assert words is not None
+    assert words.startswith("not what is usual: it is negative, where a ")
+    assert plausible_what(play) is None
+    # As far as 0 it may be play all the same.
+    near = plausible_words(replace(play, std=abs(value_mm)))
+    assert near is not None
+    assert near.startswith(("usual", "too uncertain"))
+    usual = plausible_words(replace(play, value=-value_mm))
+    assert usual is not None
+    assert usual.startswith("usual: ")
+
+
+def test_a_span_keeps_its_sign_in_a_file() -> None:
+    span = UsualSpan(0.02, 0.3, "a belt drive", "its maker", 1)
+    play = Parameter("b", "mm", 0.1, 0.01, (span,))
+    document = play.to_document()
+    assert document["plausible"] == [
+        {"low": 0.02, "high": 0.3, "what": "a belt drive", "source": "its maker", "sign": "positive"}
+    ]
+    assert Parameter.from_document(document, "model.json", "here") == play

@@ -19,6 +19,7 @@ from geoerr.model import GROUPS, FitRecord, Model
 from geoerr.model.arrays import Numbers
 from geoerr.model.conditions import Conditions
 from geoerr.model.fit_words import BETWEEN_PLACES, PLACES_LEFT_OUT
+from geoerr.summaries import p_words
 from geoerr.vision.rig import Rig
 
 # Less probable than this, what the residual has beyond the noise is not chance (as for the fit's own scale).
@@ -228,7 +229,7 @@ def _misfit(size_um: float | None, p_value: float | None, dof: float, n_componen
     if size_um is None or p_value is None:
         return "misfit of the model: neither repeats nor stated uncertainties tell it from noise"
     if p_value > _SIGNIFICANCE:
-        return f"misfit of the model: none is seen (p = {p_value:.2g})"
+        return f"misfit of the model: none is seen ({p_words(p_value)})"
     return Source(
         "misfit",
         "what the model does not hold (lack of fit)",

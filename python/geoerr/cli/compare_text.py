@@ -19,7 +19,7 @@ from geoerr.machine import AXES
 from geoerr.measurements import Measurements
 from geoerr.model.fit_words import noise_words
 from geoerr.observations import PIXELS
-from geoerr.summaries import counted
+from geoerr.summaries import counted, p_words
 
 _MOST_LINES = 12
 _MOST_NAMED = 5
@@ -99,7 +99,7 @@ def _quality(comparison: Comparison) -> list[str]:
     if comparison.own_uncertainty is not None and p_value is not None:
         # The model is not these data's: what its own uncertainty accounts for is no lack of fit.
         sentences[0] = (
-            f"the model lacks something: the residual is more than noise and its own uncertainty (p = {p_value:.2g})"
+            f"the model lacks something: the residual is more than noise and its own uncertainty ({p_words(p_value)})"
             if p_value < _SIGNIFICANCE
             else noise_words(p_value, "noise and the model's own uncertainty")
         )
@@ -180,7 +180,7 @@ def _of_spreads(comparison: Comparison, spreads: Sequence[SpreadTrend], shown: S
     for one in spreads:
         yield from wrapped(
             f"its size follows {one.variable} ({variable_meaning(one.variable)}), {_along(one.component)}: "
-            f"{one.least_um:.1f} to {one.most_um:.1f} µm rms {_about(one)} (p = {one.p_value:.1g})"
+            f"{one.least_um:.1f} to {one.most_um:.1f} µm rms {_about(one)} ({p_words(one.p_value, 1)})"
         )
         of_it = next(
             each for each in comparison.trends if (each.variable, each.component) == (one.variable, one.component)

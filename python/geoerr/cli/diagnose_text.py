@@ -11,7 +11,7 @@ from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import IN_MODEL, Finding, Named, Unknown
 from geoerr.diagnose.words import chance_words, sure_words, um_words
 from geoerr.fit.empirical import Curve
-from geoerr.summaries import by_reason, capitalised, counted, listed
+from geoerr.summaries import by_reason, capitalised, counted, listed, p_text
 
 _MEANINGS = {
     "own": "the model was fitted to these data: its own numbers take part",
@@ -159,19 +159,22 @@ def _unknown(unknown: Unknown) -> Iterator[str]:
         f"unknown: acts along {unknown.component}, depends on {listed(unknown.depends_on)}, "
         f"worth {um_words(unknown.worth_um)} rms"
     )
-    yield from wrapped(unknown.where.words(), "    ")
+    yield from wrapped(unknown.where_words, "    ")
     if unknown.shape is not None:
         yield from wrapped(f"shape: it {unknown.shape}", "    ")
     yield from wrapped(sure_words(unknown.p_value), "    ")
-    held = unknown.held_out
-    if held is not None and held.before_um is not None and held.after_um is not None:
-        yield from wrapped(f"as a {unknown.form}: held out {held.before_um:.1f} → {um_words(held.after_um)}", "    ")
+    if unknown.held_out_words is not None:
+        yield from wrapped(unknown.held_out_words, "    ")
     if unknown.beyond_the_lines_words is not None:
         yield from wrapped(unknown.beyond_the_lines_words, "    ")
     if unknown.is_the_models_own:
         yield from wrapped("one position alone: the model's error functions are too stiff here", "    ")
+    if unknown.own_words is not None:
+        yield from wrapped(unknown.own_words, "    ")
     if unknown.curve is not None:
         yield from _curve(unknown.curve)
+    if unknown.std_words is not None:
+        yield from wrapped(unknown.std_words, "    ")
 
 
 def _curve(curve: Curve) -> Iterator[str]:
@@ -220,7 +223,7 @@ def _others(diagnosis: Diagnosis, *, verbose: bool) -> Iterator[str]:
     yield f"{title + ', best first':<{_NAME_WIDTH}}{'worth':>11}{'p':>9}   held out"
     for finding in others[:_MOST_OTHERS]:
         held = finding.held_out_words or ""
-        worth, p_value = um_words(finding.worth_um), f"{finding.p_value:.1g}"
+        worth, p_value = um_words(finding.worth_um), p_text(finding.p_value, 1)
         figures = f"{worth:>11}{p_value:>9}   {held.removeprefix('held out ')}"
         yield from named_row(str(finding.reference), _NAME_WIDTH - 2, figures, "  ")
     for words in diagnosis.asked_words:
@@ -250,8 +253,11 @@ def _next(diagnosis: Diagnosis, command: str, options: str) -> Iterator[str]:
     found, unknown = diagnosis.found, diagnosis.unknown
     if found and not found[0].in_model:
         title, reference = "to add it and see the error fall:", str(found[0].reference)
-    elif unknown is not None and not found and unknown.curve is not None:
-        title, reference = f"to add it as an empirical {unknown.form}, without a cause:", f"'{unknown.reference}'"
+    elif unknown is not None and not found and unknown.can_be_added:
+        title = f"to add it as an empirical {unknown.form}, without a cause:"
+        if unknown.own is not None:
+            title = "to make the model's curve finer:"
+        reference = f"'{unknown.reference}'"
     else:
         return
     yield ""

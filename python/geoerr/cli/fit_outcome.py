@@ -69,7 +69,7 @@ def outcome_lines(outcome: FitOutcome, components: Components) -> list[str]:
     lines = wrapped(
         f"{machine.name} ({machine.chain}): {'no' if components == 'none' else components} components, "
         f"{counted(outcome.n_added, 'effect')}; {fitted.sightings.in_words()}, "
-        f"{counted(fitted.n_parameters, 'parameter')}"
+        f"{counted(fitted.n_determined, 'parameter')}"
     )
     before, after = comparison_document(result.before), comparison_document(fitted)
     lines += [

@@ -31,7 +31,7 @@ from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
 from geoerr.model.fit_words import FAR_BELOW_STATED, NOT_SETTLED, far_below_stated_words, lack_of_fit_words
-from geoerr.summaries import by_reason
+from geoerr.summaries import by_reason, p_words
 from geoerr.terms import Term
 
 # A held-out error that is larger by less is as large.
@@ -207,7 +207,7 @@ def effect_rows(fitted: Fitted) -> Iterator[str]:
         if term.id in unknown:
             yield from wrapped(f"not determined: {unknown[term.id]}", "    ")
         elif chance.get(term.id, 0.0) > SIGNIFICANCE:
-            yield f"    these data do not tell it from nothing (p = {chance[term.id]:.2g})"
+            yield f"    these data do not tell it from nothing ({p_words(chance[term.id])})"
 
 
 def _parameter_rows(term: Term, fitted: Fitted, amplitudes: Sequence[Amplitude]) -> Iterator[str]:

@@ -18,7 +18,7 @@ from geoerr.error_functions import ALL_NAMES, LI_NAMES
 from geoerr.fit import figures_document
 from geoerr.identify import NineLineResult, TangentVerdict
 from geoerr.identify.joint import JointResult
-from geoerr.summaries import counted
+from geoerr.summaries import counted, p_words
 from geoerr.tables import RowProblem
 
 _UM_PER_MM = 1e3
@@ -92,7 +92,7 @@ def _verdict(verdict: TangentVerdict) -> str:
     if verdict.p_value is None:
         return f"{head}   cannot be judged without uncertainties"
     answer = "follows, as far as can be told" if verdict.follows else "does not follow"
-    return f"{head}   p = {verdict.p_value:<8.2g} {answer}"
+    return f"{head}   {p_words(verdict.p_value):<12} {answer}"
 
 
 def print_notes(result: NineLineResult | JointResult, set_aside: Sequence[RowProblem], quiet: bool) -> None:

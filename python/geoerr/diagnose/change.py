@@ -34,7 +34,7 @@ from geoerr.fit import (
 from geoerr.fit.additions import additions, held_errors, usual_terms
 from geoerr.fit.beside_effects import few_beside
 from geoerr.fit.choose_again import choose_again, is_worth_asking
-from geoerr.fit.empirical import is_empirical
+from geoerr.fit.empirical import curve_in, finer_term, is_empirical
 from geoerr.fit.inner import has_unknown_inner
 from geoerr.fit.other_sessions import refuse_other_sessions
 from geoerr.fit.shared_noise import with_shared_noise
@@ -101,7 +101,8 @@ def add_effect(
     """Add what a reference names, and fit the whole model again.
 
     Of an effect's forms, lagged and not, the one is taken that explains most of what the model leaves;
-    `empirical:x@feed` is a curve without a cause (`geoerr.fit.empirical`).
+    `empirical:x@feed` is a curve without a cause (`geoerr.fit.empirical`), and one that the model has already is made
+    finer.
 
     Parameters
     ----------
@@ -130,7 +131,7 @@ def add_effect(
     InputFileError
         for a reference that names no effect, or one that these data cannot carry.
     GeoerrError
-        where the model has the effect already.
+        where the model has the effect already, or a curve of which these data show no more.
     ShapeError
         for what is no model, table, fit or number of threads.
     """
@@ -144,9 +145,13 @@ def add_effect(
     reference = str(reference)
     known = _checked_known(known, tables)
     names = catalogue().extended(effects, "effects") if effects else catalogue()
-    _refuse_held(model, str(parse_effect_reference(reference)))
+    curve = curve_in(own_terms(model), reference) if is_empirical(reference) else None
+    if curve is None:
+        _refuse_held(model, str(parse_effect_reference(reference)))
     data = _Data(tables, rig_sensitivity, rig_covariance, threads, known, Steps(progress, on_step))
     data.steps.next("the measurements are put together")
+    if curve is not None:
+        return _made_finer(model, data, curve, known)
     like = () if is_empirical(reference) else usual_terms(*names.resolve(reference), model.machine, data.sightings)
     own = _own_beside(model, data, like, known)
 
@@ -163,6 +168,26 @@ def add_effect(
     held = held_errors("none", own.terms)
     found = additions([reference], names, model.machine, data.sightings, held, fit, way)[0]
     return _added(model, data, own, found.terms, found.reference, found.title)
+
+
+def _made_finer(model: Model, data: _Data, curve: Term, known: Fitted | None) -> Change:
+    """Fit again with more polynomials in a curve that the model has.
+
+    Raises
+    ------
+    GeoerrError
+        where these data have no evidence of more.
+    """
+    own = own_terms(model)
+    data.steps.next("the model as it is")
+    fitted = known or data.fitted(model, own)
+    finer = finer_term(fitted, curve)
+    if finer is None:
+        raise GeoerrError(
+            f"{curve.id} is in the model already, and these data show no more of it\n"
+            "hint: `geoerr remove` takes it out"
+        )
+    return _added(model, data, _Own(own, fitted), (finer,), curve.id, f"{curve.title}; made finer")
 
 
 def _checked_known(known: Fitted | FitResult | None, tables: Sequence[MeasuredTable]) -> Fitted | None:
@@ -244,6 +269,7 @@ def add_terms(
     GeoerrError
         where the model has the effect already.
     """
+    _refuse_held(model, *(term.id for term in terms))
     data = _Data(tables, rig_sensitivity, rig_covariance, threads, known, Steps(progress, on_step))
     own = _own_beside(model, data, terms, known) if searched is None else _own_as_searched(model, known, searched)
     return _added(model, data, own, terms, reference, title)
@@ -281,9 +307,10 @@ def _own_as_searched(model: Model, fitted: Fitted | None, searched: Fitted) -> _
 
 
 def _added(model: Model, data: _Data, own: _Own, terms: Sequence[Term], reference: str, title: str) -> Change:
-    _refuse_held(model, *(term.id for term in terms))
+    """Add terms to a model's own, in the place of those that have their ids."""
+    names = {term.id for term in terms}
     data.steps.next(f"the fit with {reference}")
-    after = data.fitted(model, [*own.terms, *terms])
+    after = data.fitted(model, [*(one for one in own.terms if one.id not in names), *terms])
     if own.fitted is None:
         data.steps.next("the model as it is, on the same rows")
     before = own.fitted or _before(model, own, after)

@@ -20,7 +20,7 @@ from geoerr.diagnose.set_up import SetUp, set_up_of
 from geoerr.diagnose.spread_trends import SpreadTrend, spread_trends_of
 from geoerr.diagnose.summary import comparison_html
 from geoerr.diagnose.trends import Trend, trends_of
-from geoerr.distributions import chi_squared_sf, f_sf
+from geoerr.distributions import chi_squared_sf, f_sf, never_zero
 from geoerr.drawing import drawn
 from geoerr.errors import GeoerrError, ShapeError
 from geoerr.fit import (
@@ -190,13 +190,13 @@ class Comparison:
         dof, noise_dof = split.dof
         total = self.whole.solved.chi_squared
         if not split.is_from_repeats:
-            return float(chi_squared_sf(total - doubt.explained(1.0), dof))
+            return never_zero(float(chi_squared_sf(total - doubt.explained(1.0), dof)))
         noise_ss = split.noise_ss
         sigma2 = noise_ss / noise_dof
         if sigma2 == 0.0:
             return split.lack_of_fit_p
         ratio = (total - doubt.explained(sigma2) - noise_ss) / (dof - noise_dof) / sigma2
-        return float(f_sf(max(ratio, 0.0), dof - noise_dof, noise_dof))
+        return never_zero(float(f_sf(max(ratio, 0.0), dof - noise_dof, noise_dof)))
 
     @property
     def expected_rmse_um(self) -> float | None:

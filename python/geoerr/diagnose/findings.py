@@ -16,7 +16,7 @@ from geoerr.effects.amplitudes import Amplitude, amplitude_words, parts_of
 from geoerr.effects.plausible import plausible_what, plausible_words
 from geoerr.effects.values import bounded_value_words, is_open
 from geoerr.fit.elsewhere import beyond_the_lines_document, beyond_the_lines_words
-from geoerr.fit.empirical import Curve
+from geoerr.fit.empirical import Curve, can_be_finer
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.summaries import capitalised, listed, uncapitalised
@@ -24,6 +24,9 @@ from geoerr.terms import EffectReference, Parameter, Term
 
 # What is said of an effect that a held model has, with another value.
 IN_MODEL = "the model has it with another value, and this is the difference: fit the model to these data"
+# What is said of what a curve of the model leaves over its own variables.
+_OWN_CURVE = "the model has a curve of this already, and this is what it leaves"
+_OWN_WAVE = "the model has a wave of this already, and takes no second one beside it"
 # Channels of where the measuring device stands: `rig-tx`, `rig-ry` ...
 _POSE = frozenset(f"rig-{way}{axis}" for way in "tr" for axis in AXES)
 # More coefficients than this are a curve, not numbers to read.
@@ -269,9 +272,7 @@ class Finding(Named):
     @property
     def held_out_words(self) -> str | None:
         """Say how the held-out error would fall; None where it was not computed."""
-        if self.held_out is None or self.held_out.before_um is None or self.held_out.after_um is None:
-            return None
-        return f"held out {self.held_out.before_um:.1f} → {um_words(self.held_out.after_um)}"
+        return held_out_words(self.held_out)
 
     def words(self) -> str:
         """Say in one paragraph what it is, its values, whether physics gives such, its worth and where, how sure."""
@@ -357,11 +358,16 @@ class Unknown(Nameless):
         What `geoerr add` takes to add it as a curve.
     curve
         That curve, with its standard error; None where the variables that were found do not determine one, as between
-        places that are off by something else each.
+        places that are off by something else each. Beside a curve of the same variables that was fitted it is what
+        that one lacks.
     held_out
         Error without the curve and with it.
     beyond_the_lines_um
         The same with whole lines left out: where nothing was measured; None where lines were run once each.
+    own
+        The curve of the same displacement over the same variables that the model has already; None where it has none.
+    own_is_held
+        Whether that was held as it was, and not fitted to these data, too.
     """
 
     where: Where
@@ -370,6 +376,30 @@ class Unknown(Nameless):
     curve: Curve | None
     held_out: HeldOut | None
     beyond_the_lines_um: tuple[float, float] | None = None
+    own: Term | None = None
+    own_is_held: bool = False
+
+    @property
+    def can_be_added(self) -> bool:
+        """Whether `geoerr add` takes it: as a curve, or to make finer the one that the model has."""
+        is_one_more = self.own is None or (can_be_finer(self.own) and not self.own_is_held)
+        return self.curve is not None and is_one_more
+
+    @property
+    def own_words(self) -> str | None:
+        """Say what it is to a curve that the model has of the same variables, and what can be done."""
+        if self.own is None:
+            return None
+        if self.own_is_held:
+            return IN_MODEL
+        if self.can_be_added:
+            return f"{_OWN_CURVE}: it has to be finer, which adding it once more makes it"
+        if self.own.inner:
+            return f"{_OWN_WAVE}: find what goes on in that time, and stop it"
+        return (
+            f"{_OWN_CURVE}: adding it once more would make it no finer; take it out and add it anew, or measure at "
+            f"more places over {listed(self.depends_on)}"
+        )
 
     @property
     def shape(self) -> str | None:
@@ -389,21 +419,47 @@ class Unknown(Nameless):
         return "curve" if self.curve is None or self.curve.period is None else "wave"
 
     @property
+    def held_out_words(self) -> str | None:
+        """Say how the held-out error would fall with the curve; None where it was not computed."""
+        words = held_out_words(self.held_out)
+        return None if words is None else f"as a {self.form}: {words}"
+
+    @property
+    def where_words(self) -> str:
+        """Say where it is largest, beyond what the model can do of it: the curve may be larger elsewhere."""
+        return f"what the model cannot do of it: {self.where.words()}"
+
+    @property
+    def std_words(self) -> str | None:
+        """Say what the uncertainty of the curve is of; None where there is none."""
+        if self.curve is None:
+            return None
+        kind = "one wave" if self.form == "wave" else "a curve of these degrees"
+        return f"± is that of {kind}: what another shape would add is not in it"
+
+    @property
     def is_the_models_own(self) -> bool:
         """Whether it is a curve of one position: then the model's error functions are too stiff to follow."""
-        return self.curve is not None and len(self.depends_on) == 1 and self.depends_on[0] in ("x", "y", "z")
+        return (
+            self.curve is not None
+            and self.own is None
+            and len(self.depends_on) == 1
+            and self.depends_on[0] in ("x", "y", "z")
+        )
 
     @property
     def sentence(self) -> str:
         """Say what it is in a sentence."""
         on, worth = listed(self.depends_on), um_words(self.worth_um)
         what = "something that no known effect explains"
+        if self.own is not None:
+            what += f", nor the model's own {'wave' if self.own.inner else 'curve'} over the same,"
         return f"{what} acts along {self.component} and depends on {on}, worth {worth} rms"
 
     def words(self) -> str:
         """Say what it is, where it is largest, what it looks like and how sure."""
-        texts = [self.sentence, self.where.words(), None if self.shape is None else f"shape: it {self.shape}"]
-        texts += [sure_words(self.p_value), self.beyond_the_lines_words]
+        texts = [self.sentence, self.where_words, None if self.shape is None else f"shape: it {self.shape}"]
+        texts += [sure_words(self.p_value), self.held_out_words, self.beyond_the_lines_words, self.own_words]
         return ". ".join(capitalised(text) for text in texts if text)
 
     def to_document(self) -> dict[str, Any]:
@@ -411,6 +467,8 @@ class Unknown(Nameless):
         return {
             **super().to_document(),
             "reference": self.reference,
+            "in_model": self.own is not None,
+            "can_be_added": self.can_be_added,
             "shape": self.shape,
             "held_out_rmse_before_um": None if self.held_out is None else self.held_out.before_um,
             "held_out_rmse_after_um": None if self.held_out is None else self.held_out.after_um,
@@ -418,6 +476,13 @@ class Unknown(Nameless):
             "where": self.where.to_document(),
             "curve": None if self.curve is None else self.curve.to_document(),
         }
+
+
+def held_out_words(held_out: HeldOut | None) -> str | None:
+    """Say how a held-out error would fall; None where it was not computed."""
+    if held_out is None or held_out.before_um is None or held_out.after_um is None:
+        return None
+    return f"held out {held_out.before_um:.1f} → {um_words(held_out.after_um)}"
 
 
 def reference_document(reference: EffectReference) -> dict[str, str | None]:

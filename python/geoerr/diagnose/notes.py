@@ -17,7 +17,7 @@ from geoerr.fit.sightings import Sightings
 from geoerr.fit.variables import times_s
 from geoerr.model.fit_words import FAR_BELOW_STATED, NOT_SETTLED, far_below_stated_words
 from geoerr.observations import CARRIERS, PIXELS
-from geoerr.summaries import counted, listed
+from geoerr.summaries import counted, listed, p_words
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -168,8 +168,8 @@ def _more_than_lengths_scatter(fitted: Fitted) -> list[str]:
         return []
     by = "they scatter when they are measured again" if fitted.split.is_from_repeats else "their uncertainties allow"
     return [
-        f"the lengths are off by far more than {by} (p = {p_value:.1g}): something is missing, and these are too few "
-        "to say what; measure more of them, at other places and in other directions, or fit what you suspect"
+        f"the lengths are off by far more than {by} ({p_words(p_value, 1)}): something is missing, and these are too "
+        "few to say what; measure more of them, at other places and in other directions, or fit what you suspect"
     ]
 
 

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy import special
 
+from geoerr.distributions import never_zero
 from geoerr.fit.sightings import Numbers
 
 N_DRAWS = 119
@@ -104,7 +105,7 @@ class Null:
         share = (1 + above) / (len(self.largest) + 1)
         if above >= _FEW or not math.isfinite(found):
             return share
-        return float(-np.expm1(-np.exp(-float(self.standardized(found)))))
+        return never_zero(float(-np.expm1(-np.exp(-float(self.standardized(found))))))
 
 
 def p_value_of_all(searches: Sequence[tuple[Null, float]]) -> float:

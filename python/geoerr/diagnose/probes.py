@@ -20,7 +20,7 @@ from geoerr.diagnose.candidates import Shapes
 from geoerr.diagnose.functions import Functions
 from geoerr.diagnose.probe_variables import MOST_DEGREES, PLAYS, Variable
 from geoerr.errors import InputFileError
-from geoerr.fit.empirical import empirical_term
+from geoerr.fit.empirical import curve_in, empirical_term, finer_part
 from geoerr.fit.fitted import Fitted
 from geoerr.machine import AXES
 from geoerr.observations import CARRIERS
@@ -123,12 +123,15 @@ def curve_reference(probe: Probe, channel: str) -> str:
 def curve_term(fitted: Fitted, probe: Probe, channel: str) -> Term | None:
     """Give a probe on a channel as the term of a curve; None where the data leave nothing to draw it by.
 
-    Between places that are off by something each there is none.
+    Between places that are off by something each there is none. Beside a curve of the same variables that the fit has
+    it is what that one lacks, under another id.
     """
     if probe.form == "places":
         return None
+    reference = curve_reference(probe, channel)
+    own = curve_in(fitted.terms, reference)
     with contextlib.suppress(InputFileError):
-        return empirical_term(fitted, curve_reference(probe, channel))
+        return empirical_term(fitted, reference) if own is None else finer_part(fitted, own)
     return None
 
 

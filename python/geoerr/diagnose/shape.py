@@ -17,6 +17,8 @@ _RIPPLE, _RIPPLE_STD = 0.05, 2.0
 _NEARLY_ALL = 0.9
 _SOME = 1.0 - _NEARLY_ALL
 _STRAIGHT = 0.97
+# The curve has no more degrees than these data have evidence of: what does it need not be a line.
+_AS_A_LINE = " (in a straight line, as far as these data tell)"
 _MOST_TURNS = 3
 # Of more places at which a shape turns round the rest is counted.
 _MOST_PLACES = 6
@@ -82,7 +84,7 @@ def _course(name: str, at: Numbers, value_um: Numbers, ways: list[tuple[int, int
         if len(at) == 2:
             return f"{verb} with {name}"
         straight = abs(float(np.corrcoef(at, value_um)[0, 1]))
-        return f"{verb} with {name}{_bend(at, value_um) if straight < _STRAIGHT else ' in a straight line'}"
+        return f"{verb} with {name}{_bend(at, value_um) if straight < _STRAIGHT else _AS_A_LINE}"
     if len(ways) <= _MOST_TURNS:
         verbs = ["rises" if sign > 0 else "falls" for sign, _, _ in ways]
         places = [_place(at[last]) for _, _, last in ways[:-1]]
@@ -129,8 +131,8 @@ def _two(curve: Curve) -> str:
     # A corner where nothing was measured is large and uncertain.
     sure_um = np.abs(value_um) - _RIPPLE_STD * std_um
     column, row = (int(place) for place in np.unravel_index(int(np.argmax(sure_um)), value_um.shape))
-    largest = f"largest ({_signed(value_um[column, row])} µm) at {first} = {_place(curve.at[0][column])}, "
-    largest += f"{second} = {_place(curve.at[1][row])}"
+    largest = f"the curve itself is largest ({_signed(value_um[column, row])} µm) at "
+    largest += f"{first} = {_place(curve.at[0][column])}, {second} = {_place(curve.at[1][row])}"
     alone = value_um.mean(axis=0)
     left, size, right = np.linalg.svd(value_um - alone, full_matrices=False)
     whole = float((size**2).sum())

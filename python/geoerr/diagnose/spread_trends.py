@@ -27,6 +27,7 @@ from geoerr.diagnose.components import UM_PER_MM, Component, components_of
 from geoerr.diagnose.runs import Runs, runs_of
 from geoerr.diagnose.sizes import chance_between_runs, chance_within_runs, means_of_runs, off_neighbours
 from geoerr.diagnose.trends import bins_of, trend_of, variables_of
+from geoerr.distributions import never_zero
 from geoerr.fit import Fitted
 from geoerr.fit.lengths import told_in_base_axes
 from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
@@ -127,7 +128,7 @@ def _spread_trend(
         spreads = off.spreads_um
     else:
         spreads = [one.spread_um for one in trend_of(fitted.sightings, name, values, component).bins if one.n > 1]
-    p_value = min(len(chances) * min(chances), 1.0)
+    p_value = never_zero(min(len(chances) * min(chances), 1.0))
     return SpreadTrend(name, component.name, p_value, min(spreads), max(spreads), is_within_runs)
 
 

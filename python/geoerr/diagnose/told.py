@@ -35,7 +35,7 @@ from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
 from geoerr.fit.elsewhere import beyond_the_lines_um
-from geoerr.fit.empirical import curve_of
+from geoerr.fit.empirical import curve_in, curve_of
 from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import EffectReference, Term
@@ -81,7 +81,7 @@ class _Summary:
         self.fitted, self.searched, self.known, self.comparison = fitted, searched, known, comparison
         self.as_it_was, self.steps = as_it_was, steps
         held = all_terms(comparison.model) if comparison is not None and comparison.is_held else ()
-        self.held = {term.id for term in held}
+        self.held, self.held_terms = {term.id for term in held}, held
         self.held_channels = {part.channel for term in held if term.kind == "classic" for part in term.parts}
 
     def diagnosis(self) -> Diagnosis:
@@ -324,6 +324,7 @@ class _Summary:
         assert isinstance(judged.what, Probe)
         probe = judged.what
         reference = curve_reference(probe, channel_of(judged))
+        own = curve_in((*self.held_terms, *self.fitted.terms), reference)
         earlier = [one.settled.term for one in self.searched.found]
         curve, held_out, beyond_um = None, None, None
         before = with_terms(self.fitted, earlier)
@@ -342,10 +343,12 @@ class _Summary:
             min(_HALVES * judged.p_value, 1.0),
             self._where(moved_um, [name for name in probe.depends_on if name in ("x", "y", "z", *columns)]),
             moved_um,
-            reference,
+            reference if own is None else own.id,
             curve,
             held_out,
             beyond_um,
+            own=own,
+            own_is_held=own is not None and own.id in self.held,
         )
 
 

@@ -53,7 +53,7 @@ def usual_match(parameter: Parameter) -> UsualSpan | None:
     value is so uncertain that it might as well be smaller as larger than all of the span.
     """
     value, std = parameter.value, parameter.std
-    if not math.isfinite(value) or not math.isfinite(std):
+    if not math.isfinite(value) or not math.isfinite(std) or has_unusual_sign(parameter):
         return None
     least, most = abs(value) - MATCH_STD * std, abs(value) + MATCH_STD * std
     touched = [
@@ -62,6 +62,14 @@ def usual_match(parameter: Parameter) -> UsualSpan | None:
         if least <= span.high and span.low <= most and not (least < span.low and span.high < most)
     ]
     return min(touched, key=lambda span: _ratio_to(span, value), default=None)
+
+
+def has_unusual_sign(parameter: Parameter) -> bool:
+    """Tell whether a value has for certain the other sign than all that is usual: play that is negative is none."""
+    spans = usual_spans(parameter)
+    return bool(spans) and all(
+        span.sign != 0 and parameter.value * span.sign < -MATCH_STD * parameter.std for span in spans
+    )
 
 
 def plausible_what(parameter: Parameter, inner: Sequence[Parameter] = ()) -> str | None:
@@ -145,6 +153,9 @@ def _usual_words(parameter: Parameter, factor: float, unit: str) -> str | None:
         return f"usual: {_span_words(match, factor, unit)}"
     size = abs(value)
     nearest = min(spans, key=lambda span: _ratio_to(span, size))
+    if has_unusual_sign(parameter):
+        sign = "negative" if value < 0.0 else "positive"
+        return f"not what is usual: it is {sign}, where {_span_words(nearest, factor, unit)}"
     if any(size - MATCH_STD * std <= span.high and span.low <= size + MATCH_STD * std for span in spans):
         return f"too uncertain to tell whether it is usual: {_span_words(nearest, factor, unit)}"
     how = (

@@ -287,7 +287,7 @@ def _parameters(tables: Entries, *, is_inner: bool) -> tuple[ParameterSpec, ...]
                 plausible=() if reason else tuple(_plausible(item) for item in entries.tables("plausible")),
                 range=_range(entries) if is_inner else None,
                 spacing="log" if entries.text("spacing", "linear", ("linear", "log")) == "log" else "linear",
-                sign=SIGNS[entries.text("sign", "any", tuple(SIGNS))],
+                sign=_sign(entries),
                 what=entries.text("what", ""),
                 any_size=reason,
             )
@@ -329,8 +329,12 @@ def _plausible(entries: Entries) -> Plausible | UsualSpan:
     return Plausible(value, what, within)
 
 
+def _sign(entries: Entries) -> int:
+    return SIGNS[entries.text("sign", "any", tuple(SIGNS))]
+
+
 def _usual_span(entries: Entries) -> UsualSpan:
-    entries.only(("low", "high", "what", "source"))
+    entries.only(("low", "high", "what", "source", "sign"))
     if "value" in entries.content:
         raise entries.refuse("value", "stands beside low and high", "keep the value, or the span from low to high")
     low, high, what = entries.number("low"), entries.number("high"), entries.text("what")
@@ -340,7 +344,7 @@ def _usual_span(entries: Entries) -> UsualSpan:
         raise entries.refuse("high", f"{high:g} is not above low, {low:g}", "write the smaller as low")
     if not what:
         raise entries.refuse("what", "is empty", "say what the span is of")
-    return UsualSpan(low, high, what, entries.text("source", ""))
+    return UsualSpan(low, high, what, entries.text("source", ""), _sign(entries))
 
 
 def _range(entries: Entries) -> tuple[float, float] | str:

@@ -8,17 +8,20 @@ measured (beyond the range of its variables it keeps its end value) and for noth
 |---|---|---|
 | P_i | `_legendre` | Legendre's polynomials of u, the variable brought to −1 ... 1 over its range |
 
-How many polynomials there are is chosen by Schwarz's evidence; those that the model does already are left out, one by
-one from the lowest degree, so that no coefficient is open. Over the time `t` a wave may have more of it
-(`empirical_wave`).
+How many polynomials there are is chosen by Schwarz's evidence: all up to some degree of each variable, and more
+beside those as long as that has evidence, too. Those that the model does already are left out, one by one from the
+lowest degree, so that no coefficient is open. Over the time `t` a wave may have more of it (`empirical_wave`).
+
+Of a model that has the curve already the polynomials that have evidence beside it make it finer (`finer_term`).
 """
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -81,9 +84,8 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
     """
     parsed = parse_effect_reference(reference) if isinstance(reference, str) else reference
     channel, variables = _channel(parsed), _variables(parsed, fitted)
-    values = variable_columns(fitted.sightings, [one.name for one in variables])
     seen = Seen(fitted, channel)
-    design = _Design(seen, variables, np.asarray(values))
+    design = _Design.of(seen, variables)
     degrees, evidence = design.best()
     if not degrees and not design.size.any():
         body = "work" if channel.startswith("work") else "tool"
@@ -99,10 +101,71 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
             "the model does that already, as far as these data can tell",
             remedy="name a variable that the model does not have, or another component",
         )
-    along = f"the work along {channel[-1]}" if channel.startswith("work") else f"the tool along {channel[-1]}"
     wave = EmpiricalWave.of(seen) if parsed.covariate == TIME else None
     if wave is not None and wave.evidence > evidence:
-        return wave.term(parsed, channel, f"Empirical wave: {along} over time, cause unknown")
+        return wave.term(parsed, channel, f"Empirical wave: {_along(channel)} over time, cause unknown")
+    return _term(parsed, channel, variables, degrees)
+
+
+def curve_in(terms: Sequence[Term], reference: str | EffectReference) -> Term | None:
+    """Give the curve of the same displacement over the same variables, in whatever order, that terms have already."""
+    parsed = parse_effect_reference(reference) if isinstance(reference, str) else reference
+    channel, names = _channel(parsed), sorted(_names(parsed))
+    return next(
+        (
+            term
+            for term in terms
+            if term.kind == "empirical"
+            and term.channels == (channel,)
+            and sorted((term.covariate or "").split("*")) == names
+        ),
+        None,
+    )
+
+
+def can_be_finer(term: Term) -> bool:
+    """Tell whether polynomials can be put into a curve: not into a wave, nor one that was written in another way."""
+    return not term.inner and len(_degrees_of(term)) == len(term.coefficients)
+
+
+def finer_part(fitted: Fitted, own: Term) -> Term | None:
+    """Give what a curve of a fit lacks as a term of another id; None where these data have no evidence of more.
+
+    Beside what cannot be made finer it is a curve of its own.
+
+    Raises
+    ------
+    InputFileError
+        as `empirical_term`.
+    """
+    beside = f"{own.id}:finer"
+    if not can_be_finer(own):
+        return replace(empirical_term(fitted, own.id), id=beside)
+    parsed = parse_effect_reference(own.id)
+    channel, variables = _channel(parsed), _variables(parsed, fitted)
+    degrees, evidence = _Design.of(Seen(fitted, channel), variables).best()
+    if not degrees or evidence <= 0.0:
+        return None
+    return replace(_term(parsed, channel, variables, degrees), id=beside)
+
+
+def finer_term(fitted: Fitted, own: Term) -> Term | None:
+    """Give a curve of a fit with the polynomials that it lacks, values unknown.
+
+    None where these data have no evidence of more, or it cannot be made finer.
+    """
+    part = finer_part(fitted, own) if can_be_finer(own) else None
+    if part is None:
+        return None
+    parsed = parse_effect_reference(own.id)
+    degrees = sorted({*_degrees_of(own), *_degrees_of(part)}, key=_from_the_lowest)
+    return _term(parsed, _channel(parsed), _variables(parsed, fitted), degrees)
+
+
+def _term(
+    parsed: EffectReference, channel: str, variables: Sequence[_Variable], degrees: Sequence[tuple[int, ...]]
+) -> Term:
+    """Write a curve of these polynomials."""
     letter = _free_letter("c", [one.name for one in variables])
     coefficients = [Parameter(letter + "_".join(map(str, degree)), "mm") for degree in degrees]
     products = [
@@ -116,7 +179,7 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
     )
     return Term(
         id=str(parsed),
-        title=f"Empirical curve: {along} over {listed([one.name for one in variables])}, cause unknown",
+        title=f"Empirical curve: {_along(channel)} over {listed([one.name for one in variables])}, cause unknown",
         kind="empirical",
         effect=None,
         axis=parsed.axis,
@@ -125,6 +188,19 @@ def empirical_term(fitted: Fitted, reference: str | EffectReference) -> Term:
         coefficients=tuple(coefficients),
         source="user",
     )
+
+
+def _along(channel: str) -> str:
+    return f"the {'work' if channel.startswith('work') else 'tool'} along {channel[-1]}"
+
+
+def _degrees_of(term: Term) -> list[tuple[int, ...]]:
+    """Read the degrees of a curve's polynomials from the names of their coefficients: `c1_3` is of degrees 1 and 3.
+
+    None of what was written in another way.
+    """
+    named = [re.fullmatch(r"c_*(\d+(?:_\d+)*)", parameter.name) for parameter in term.coefficients]
+    return [tuple(map(int, one.group(1).split("_"))) for one in named if one is not None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,10 +339,14 @@ def _channel(reference: EffectReference) -> str:
     return directions_of[reference.axis]
 
 
-def _variables(reference: EffectReference, fitted: Fitted) -> list[_Variable]:
+def _names(reference: EffectReference) -> list[str]:
     assert reference.covariate is not None
+    return reference.covariate.split("*")
+
+
+def _variables(reference: EffectReference, fitted: Fitted) -> list[_Variable]:
     sightings = fitted.sightings
-    names = reference.covariate.split("*")
+    names = _names(reference)
     letter = _free_letter("u", names)
     found = []
     for number, name in enumerate(names):
@@ -316,30 +396,45 @@ class _Design:
         functions = np.stack([_rowwise(unit_values, degree) for degree in self.degrees]) * known
         self.size, self.gram, self.along = seen.off(functions)
 
+    @classmethod
+    def of(cls, seen: Seen, variables: Sequence[_Variable]) -> _Design:
+        values = variable_columns(seen.fitted.sightings, [one.name for one in variables])
+        return cls(seen, variables, np.asarray(values))
+
     def _all_degrees(self) -> list[tuple[int, ...]]:
         """Give all degrees, the lowest first: of several variables products before what fewer of them do."""
         tops = [min(self.most, one.n_values - 1) for one in self.variables]
         every = itertools.product(*(range(top + 1) for top in tops))
-        return sorted(filter(any, every), key=lambda degree: (max(degree), degree.count(0), degree))
+        return sorted(filter(any, every), key=_from_the_lowest)
 
     def best(self) -> tuple[list[tuple[int, ...]], float]:
-        """Give the degrees of the design with the most evidence, and that; none where the model owns them all."""
-        found: list[tuple[int, ...]] = []
+        """Give the degrees of the design with the most evidence, and that; none where the model owns them all.
+
+        All up to some degree of each variable, and beside them all up to others, as long as that has more: what goes
+        far along one variable and little along the other would cost too many where every product is bought at once.
+        """
+        found: list[int] = []
         most = -math.inf
+        while True:
+            best = max(self._designs_beside(found), key=lambda one: one[0], default=(most, found))
+            if best[0] <= most:
+                return [self.degrees[place] for place in sorted(found)], most
+            most, found = best
+
+    def _designs_beside(self, kept: Sequence[int]) -> Iterator[tuple[float, list[int]]]:
+        """Give places in `degrees` with their evidence: those that are kept, and all up to some degrees beside."""
         for tops in itertools.product(range(1, self.most + 1), repeat=len(self.variables)):
             inside = [all(n <= top for n, top in zip(degree, tops, strict=True)) for degree in self.degrees]
-            own = self._determined([place for place in range(len(inside)) if inside[place]])
-            if not own:
-                continue
-            evidence = self.seen.evidence(self.gram[np.ix_(own, own)], self.along[own])
-            if evidence > most:
-                most, found = evidence, [self.degrees[place] for place in own]
-        return found, most
+            own = self._determined(kept, [place for place in range(len(inside)) if inside[place]])
+            if own:
+                yield self.seen.evidence(self.gram[np.ix_(own, own)], self.along[own]), own
 
-    def _determined(self, places: Sequence[int]) -> list[int]:
+    def _determined(self, kept: Sequence[int], places: Sequence[int]) -> list[int]:
         """Give those of which something is left when the model and those before have taken theirs."""
-        own: list[int] = []
+        own = list(kept)
         for place in places:
+            if place in own:
+                continue
             left = self.gram[place, place]
             if own:
                 cross = self.gram[own, place]
@@ -347,6 +442,10 @@ class _Design:
             if self.size[place] > 0.0 and left > _OWNED * self.size[place] ** 2:
                 own.append(place)
         return own
+
+
+def _from_the_lowest(degree: tuple[int, ...]) -> tuple[int, int, tuple[int, ...]]:
+    return (max(degree), degree.count(0), degree)
 
 
 def _legendre(degree: int, symbol: str) -> str:

@@ -51,7 +51,7 @@ from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
 from geoerr.fit.turns import turned_in_plane
-from geoerr.fit.undetermined import Undetermined
+from geoerr.fit.undetermined import Undetermined, is_a_line
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
 from geoerr.machine import AXES, Machine
 from geoerr.model.compile import Compiled, compile_terms, start_values
@@ -626,7 +626,7 @@ class Posed:
         is_open[places] = ~is_determined[:n_model]
         return Fitted(
             machine=self.machine,
-            terms=_with_values(terms, compiled, solved, covariance, is_open),
+            terms=_with_values(terms, compiled, solved, covariance, is_open, null_space),
             sightings=sightings,
             compiled=compiled,
             problem=problem,
@@ -719,21 +719,29 @@ def _scale(solved: Solved, sightings: Sightings, dof: float) -> float:
 
 
 def _with_values(
-    terms: Sequence[Term], compiled: Compiled, solved: Solved, covariance: Numbers, is_open: np.ndarray
+    terms: Sequence[Term],
+    compiled: Compiled,
+    solved: Solved,
+    covariance: Numbers,
+    is_open: np.ndarray,
+    null_space: Numbers,
 ) -> tuple[Term, ...]:
-    """Give terms their values and standard errors; an effect's parameter that is not determined has no error.
+    """Give terms their values and standard errors; a parameter that is not determined has no error.
 
-    Its value is the smallest of those that explain as much: with an error as small it would pass for a result.
+    Its value is the smallest of those that explain as much: with an error as small it would pass for a result. Of an
+    error of an axis that is known but for a line the rest is a result.
     """
     theta, phi = solved.state.coefficients, solved.state.inner
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    std_of_effects = np.where(is_open, np.nan, std)
+    std_of_open = np.where(is_open, np.nan, std)
     result, first, first_inner = [], 0, 0
     for term in terms:
         own = slice(first, first + len(term.coefficients))
         own_inner = slice(first_inner, first_inner + len(term.inner))
         after = slice(compiled.n_coefficients + own_inner.start, compiled.n_coefficients + own_inner.stop)
-        errors = std if term.kind == "classic" else std_of_effects
+        errors = std_of_open
+        if is_open[own].any() and is_a_line(term, null_space[own]):
+            errors = std
         result.append(
             term.with_values(
                 theta[own].tolist(),

@@ -221,6 +221,18 @@ class Fitted(KeepsWorkedOut):
         return self.compiled.n_coefficients + self.compiled.n_inner
 
     @property
+    def n_determined(self) -> int:
+        """Number of them that the data determine: the rank, less what belongs to frames, places and calibration.
+
+        Gauges and what is held take some of them away, and so do directions that no measurement notices.
+        """
+        directions = self.solved.solution.null_space
+        n_model = self.undetermined.first_frame_column
+        n_others = self.problem.n_columns - n_model
+        n_open_others = directions.shape[1] - np.linalg.matrix_rank(directions[:n_model])
+        return int(self.solved.solution.rank - n_others + n_open_others)
+
+    @property
     def expected_held_out_um(self) -> float | None:
         """Held-out error of a right model: √(noise² + mean trace of the prediction's covariance)."""
         if self.split.noise_um is None:

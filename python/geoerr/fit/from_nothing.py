@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geoerr.distributions import f_sf
+from geoerr.distributions import f_sf, never_zero
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Term
@@ -33,4 +33,4 @@ def _chance(term: Term, covariance: Numbers, dof: float) -> float:
     std = np.sqrt(np.diagonal(covariance))
     values = np.array([parameter.value for parameter in term.coefficients]) / std
     square = float(values @ np.linalg.pinv(covariance / np.outer(std, std), hermitian=True) @ values)
-    return float(f_sf(square / len(values), len(values), dof))
+    return never_zero(float(f_sf(square / len(values), len(values), dof)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.distributions import chi_squared_sf, f_sf
+from geoerr.distributions import chi_squared_sf, f_sf, never_zero
 from geoerr.fit.alike import scatter_in_groups
 from geoerr.fit.figures import figures_of
 from geoerr.fit.lengths import is_told, of_the_headline, of_whole_lengths
@@ -57,10 +57,10 @@ def split_of(sightings: Sightings, solved: Solved, residual_mm: Numbers, repeats
     if noise_dof >= 1 and dof > noise_dof:
         lack_dof = dof - noise_dof
         ratio = ((total - noise_ss) / lack_dof) / (noise_ss / noise_dof) if noise_ss > 0.0 else math.inf
-        p_value = float(f_sf(max(ratio, 0.0), lack_dof, noise_dof))
+        p_value = never_zero(float(f_sf(max(ratio, 0.0), lack_dof, noise_dof)))
         noise = repeats.floor_um
     elif sightings.is_stated and dof > 0:
-        p_value = float(chi_squared_sf(total, dof))
+        p_value = never_zero(float(chi_squared_sf(total, dof)))
         variances, counts = sightings.once("variances", _variances_mm2)
         count = np.maximum(counts[used].sum(axis=0), 1)
         noise = math.sqrt(float((variances[used].sum(axis=0) / count).sum())) * 1e3

@@ -82,8 +82,8 @@ class Undetermined:
         without = {name: _directions_without(rows) for name, rows in blocks.items()}
         for term, own in self._open:
             name = iso_name(term.id)
-            is_a_line = _is_a_line(term, blocks[name])
-            open_part = "only its part in proportion to the position is open: " if is_a_line else ""
+            is_line = is_a_line(term, blocks[name])
+            open_part = "only its part in proportion to the position is open: " if is_line else ""
             combined = _combined(term, self.is_determined[own], self.null_space[own])
             listed.append(NotDetermined(name, open_part + words.why(term, _tied_to(name, blocks, without), combined)))
         return tuple(listed)
@@ -170,8 +170,8 @@ def _combined(term: Term, is_determined: np.ndarray, null_space: Numbers) -> lis
     return [name for name, own in zip(names, is_open, strict=True) if own] if n_free < is_open.sum() else []
 
 
-def _is_a_line(term: Term, rows: Numbers) -> bool:
-    """Tell whether a function is known but for a multiple of its position."""
+def is_a_line(term: Term, rows: Numbers) -> bool:
+    """Tell whether a function is known but for a multiple of its position, by its rows (n, k) of the null space."""
     spec = term.parts[0].basis
     if term.kind != "classic" or spec is None or spec.n_functions < 3:
         return False

@@ -19,13 +19,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.distributions import chi_squared_sf
+from geoerr.distributions import chi_squared_sf, never_zero
 from geoerr.error_functions import LI_NAMES
 from geoerr.geometry import integrate_straightness
 from geoerr.identify.between_places import without_line
 from geoerr.identify.distance import squared_distance
 from geoerr.identify.linear import Curve, Linear, Numbers
 from geoerr.machine import AXES, Machine
+from geoerr.summaries import p_words
 
 # Below this probability of so large a disagreement by chance the assumption is rejected.
 _SIGNIFICANCE = 0.01
@@ -63,9 +64,9 @@ class TangentVerdict:
             return f"{head}; without uncertainties this cannot be judged"
         if self.follows:
             return (
-                f"{head} (p = {self.p_value:.2g}): the carriage follows its guideway's tangent as far as can be told"
+                f"{head} ({p_words(self.p_value)}): the carriage follows its guideway's tangent as far as can be told"
             )
-        return f"{head} (p = {self.p_value:.1g}): the carriage does not follow its guideway's tangent"
+        return f"{head} ({p_words(self.p_value, 1)}): the carriage does not follow its guideway's tangent"
 
 
 def without_slope(curve: Curve) -> tuple[Curve, Linear]:
@@ -141,5 +142,5 @@ def judged(name: str, difference_mm: Numbers, covariance_mm2: Numbers | None) ->
     chi_squared, dof = squared_distance(difference_mm, covariance_mm2)
     if dof == 0:
         return TangentVerdict(name, rms, None, None)
-    p_value = float(chi_squared_sf(chi_squared, dof))
+    p_value = never_zero(float(chi_squared_sf(chi_squared, dof)))
     return TangentVerdict(name, rms, p_value, p_value >= _SIGNIFICANCE)

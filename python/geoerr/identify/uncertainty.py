@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.distributions import chi_squared_sf
+from geoerr.distributions import chi_squared_sf, never_zero
 from geoerr.identify.along import Scatter
 from geoerr.identify.linear import Indices, Linear, Numbers
 from geoerr.identify.measurements import Measurements
@@ -107,7 +107,7 @@ def axis_scatter(axis: str, stages: Sequence[Scatter], is_stated: bool) -> AxisS
         return AxisScatter(axis, dof, rms, None, None, 1.0)
     expected = sum(stage.expected for stage in stages)
     ratio = sum(stage.chi_squared for stage in stages) / expected
-    p_value = float(chi_squared_sf(ratio * dof, dof))
+    p_value = never_zero(float(chi_squared_sf(ratio * dof, dof)))
     birge = float(np.sqrt(ratio)) if ratio > 1.0 and p_value < _SIGNIFICANCE else 1.0
     return AxisScatter(axis, dof, rms, ratio, p_value, birge)
 

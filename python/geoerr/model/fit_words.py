@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from geoerr.summaries import p_words
+
 # Less probable than this, what the residual has beyond the noise is not chance.
 _SIGNIFICANCE = 0.01
 # Less probable than this it is seldom chance, and is not to be passed over.
@@ -103,7 +105,7 @@ def far_below_stated_words(share: float) -> str:
 def noise_words(p_value: float, what: str) -> str:
     """Say that a residual is no more than what explains it, or that chance seldom leaves as much."""
     if p_value >= _SELDOM:
-        return f"what is left is {what}, as far as can be told (p = {p_value:.2g})"
+        return f"what is left is {what}, as far as can be told ({p_words(p_value)})"
     return f"what is left may be more than {what}: chance leaves as much in one case of {1.0 / p_value:.0f}"
 
 
@@ -118,4 +120,4 @@ def lack_of_fit_words(p_value: float, beyond_um: float, is_from_repeats: bool) -
         return noise_words(p_value, "noise")
     against = "repeats scatter" if is_from_repeats else "the stated uncertainties allow"
     size = f", by {beyond_um:.2g} µm rms" if beyond_um > 0.0 else ""
-    return f"the model lacks something: the residual is more than {against}{size} (p = {p_value:.2g})"
+    return f"the model lacks something: the residual is more than {against}{size} ({p_words(p_value)})"

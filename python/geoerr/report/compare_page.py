@@ -12,7 +12,7 @@ from geoerr.diagnose.spread_trends import spreads_to_tell
 from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
 from geoerr.report.page import Block, Figure, Maker, Paragraph, Progress, Section, Table, made, write_report
 from geoerr.report.provenance import Provenance
-from geoerr.summaries import capitalised
+from geoerr.summaries import capitalised, p_text
 
 _MOST_TRENDS = 4
 _MOST_WORST = 20
@@ -169,7 +169,7 @@ def _spread_table(spreads: Sequence[SpreadTrend]) -> Table:
             f"{one.least_um:.2f}",
             f"{one.most_um:.2f}",
             "within runs" if one.is_within_runs else "about the mean",
-            f"{one.p_value:.1g}",
+            p_text(one.p_value, 1),
         )
         for one in spreads
     )

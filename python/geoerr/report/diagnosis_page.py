@@ -14,7 +14,7 @@ from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
-from geoerr.summaries import by_reason, capitalised
+from geoerr.summaries import by_reason, capitalised, p_text
 
 _UNKNOWN = "–"
 
@@ -140,7 +140,7 @@ def _ranking(diagnosis: Diagnosis) -> Table:
         (
             str(finding.reference),
             f"{finding.worth_um:.2f}",
-            f"{finding.p_value:.2g}",
+            p_text(finding.p_value),
             _number(None if finding.held_out is None else finding.held_out.before_um),
             _number(finding.held_out_rmse_after_um),
             "; ".join(finding.value_words),
@@ -179,7 +179,9 @@ def _unknown(diagnosis: Diagnosis, unknown: Unknown) -> tuple[Block, ...]:
     blocks: list[Block] = [Paragraph(f"{unknown.words()}.")]
     if unknown.curve is not None:
         added = f"It can be added to the model as a {unknown.form} without a cause."
-        caption = f"What has no name: it {unknown.shape}. {added}"
+        if unknown.own is not None:
+            added = "This is what the model's own curve over the same leaves."
+        caption = f"What has no name: it {unknown.shape}. {capitalised(unknown.std_words or '')}. {added}"
         blocks.append(Figure(figures.unknown_curve(diagnosis), caption))
     return tuple(blocks)
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geoerr.distributions import chi_squared_ppf, chi_squared_sf, f_sf
+from geoerr.distributions import chi_squared_ppf, chi_squared_sf, f_sf, never_zero
 from geoerr.fit.sightings import Numbers
 
 # Singular values below this share of the largest are the gauge's, or round-off.
@@ -118,8 +118,8 @@ def tail(chi_squared: float, rank: int, dof: float, share: Numbers | None = None
         per_mean = (inverse**2).sum(axis=1) / mean
     freedom, scaled = mean / per_mean, chi_squared / per_mean
     if math.isinf(dof):
-        return Test(chi_squared, rank, dof, float(chi_squared_sf(scaled, freedom).mean()))
-    return Test(chi_squared, rank, dof, float(f_sf(scaled / freedom, freedom, dof).mean()))
+        return Test(chi_squared, rank, dof, never_zero(float(chi_squared_sf(scaled, freedom).mean())))
+    return Test(chi_squared, rank, dof, never_zero(float(f_sf(scaled / freedom, freedom, dof).mean())))
 
 
 def holm(p_values: list[float]) -> list[float]:

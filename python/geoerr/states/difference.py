@@ -15,6 +15,7 @@ from geoerr.fit.sightings import Numbers
 from geoerr.states.chance import Largest, Spread, Test, holm, largest_by_chance, whole_test
 from geoerr.states.functions import Estimate, Functions, without_rounding
 from geoerr.states.volume import N_GRID, VolumeDifference, volume_difference
+from geoerr.summaries import p_words
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -147,7 +148,7 @@ class Difference:
     @cached_property
     def errors(self) -> ErrorFunctions:
         """The difference as tables with standard uncertainties, as `write_errors` and figures take them."""
-        note = f"difference, {self.second} minus {self.first}; p = {self.p_value:.2g} that nothing differs"
+        note = f"difference, {self.second} minus {self.first}; {p_words(self.p_value)} that nothing differs"
         return self.functions.tables(self.estimate, "difference", (note,))
 
     @cached_property

@@ -24,7 +24,7 @@ from geoerr.states.common import CommonBases, functions_of
 from geoerr.states.difference import Difference
 from geoerr.states.state_fit import StateFit, fit_state
 from geoerr.states.weights import Weights
-from geoerr.summaries import listed
+from geoerr.summaries import listed, p_words
 
 # Less probable than this, sessions of one temperature are not of one machine.
 _SIGNIFICANCE = 0.01
@@ -77,7 +77,7 @@ class Repeat:
     def sentence(self) -> str:
         """Say whether they agree."""
         first, second = self.difference.first, self.difference.second
-        p_value = f"p = {self.p_value:.2g}"
+        p_value = p_words(self.p_value)
         if not self.contradicts:
             return (
                 f"{first} and {second}, both {self.temperature_degc:g} °C, agree: chance does as much with {p_value}"

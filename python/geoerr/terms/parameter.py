@@ -47,7 +47,7 @@ class Plausible:
 
 @dataclass(frozen=True)
 class UsualSpan:
-    """Sizes that are usual for a parameter where physics gives no one value; its sign does not count.
+    """Sizes that are usual for a parameter where physics gives no one value.
 
     Attributes
     ----------
@@ -57,23 +57,28 @@ class UsualSpan:
         What has such sizes, in words (`a preloaded ball screw`).
     source
         Who says so: a standard, a paper, a maker, or what it is computed from.
+    sign
+        +1 or −1 where the sizes are those of values of one sign; 0 where that does not count.
     """
 
     low: float
     high: float
     what: str
     source: str = ""
+    sign: int = 0
 
     def __post_init__(self) -> None:
         good = is_finite(self.low) and is_finite(self.high) and 0.0 <= self.low < self.high
         require(good, f"{self.low!r} to {self.high!r} is not a span of sizes from 0 up")
         require(is_text(self.what) and self.what != "", f"{self.what!r} does not say what the span is of")
         require(is_text(self.source), f"source {self.source!r} is not a text")
+        require(self.sign in SIGNS.values(), f"sign of a span is {self.sign!r}")
 
     def to_document(self) -> dict[str, Any]:
         """Give plain values."""
         document: dict[str, Any] = {"low": self.low, "high": self.high, "what": self.what}
-        return document | ({"source": self.source} if self.source else {})
+        document |= {"source": self.source} if self.source else {}
+        return document | ({"sign": _sign_name(self.sign)} if self.sign else {})
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +203,7 @@ class Parameter:
         if self.what:
             document["what"] = self.what
         if self.sign:
-            document["sign"] = next(name for name, sign in SIGNS.items() if sign == self.sign)
+            document["sign"] = _sign_name(self.sign)
         return document
 
     @classmethod
@@ -210,11 +215,21 @@ class Parameter:
         name, unit = entries.text("name"), entries.text("unit")
         low, high = entries.number("low", None), entries.number("high", None)
         spacing: Any = entries.text("spacing", "linear")
-        what, sign = entries.text("what", ""), entries.text("sign", "any")
-        if sign not in SIGNS:
-            raise entries.refuse("sign", f"{sign!r} is none of {', '.join(SIGNS)}")
-        numbers = low, high, spacing, what, SIGNS[sign]
+        numbers = low, high, spacing, entries.text("what", ""), _sign_of(entries)
         return checked(path, key, lambda: cls(name, unit, value, std, plausible, *numbers))
+
+
+def _sign_name(sign: int) -> str:
+    """Give a sign as files have it."""
+    return next(name for name, own in SIGNS.items() if own == sign)
+
+
+def _sign_of(entries: Entries) -> int:
+    """Read the sign that a table of a file states; 0 where it states none."""
+    name = entries.text("sign", "any")
+    if name not in SIGNS:
+        raise entries.refuse("sign", f"{name!r} is none of {', '.join(SIGNS)}")
+    return SIGNS[name]
 
 
 def _plausible(entries: Entries) -> Plausible | UsualSpan:
@@ -223,6 +238,7 @@ def _plausible(entries: Entries) -> Plausible | UsualSpan:
             raise entries.refuse("value", "stands beside low and high")
         low, high = entries.number("low"), entries.number("high")
         what, source = entries.text("what"), entries.text("source", "")
-        return checked(entries.path, entries.key, lambda: UsualSpan(low, high, what, source))
+        sign = _sign_of(entries)
+        return checked(entries.path, entries.key, lambda: UsualSpan(low, high, what, source, sign))
     value, what, within = entries.number("value"), entries.text("what"), entries.number("within", Plausible.within)
     return checked(entries.path, entries.key, lambda: Plausible(value, what, within))

@@ -82,7 +82,7 @@ class Ahead:
         """Give what can still be asked for, what is most likely to be first."""
         found = self._diagnosis
         first = [str(one.reference) for one in found.found]
-        unknown = [] if found.unknown is None or found.unknown.curve is None else [found.unknown.reference]
+        unknown = [] if found.unknown is None or not found.unknown.can_be_added else [found.unknown.reference]
         others = [str(one.reference) for one in (*found.not_told_apart, *found.candidates)]
         most = min(MOST_NAMES, MOST_ROWS // len(found.fitted.sightings))
         names = list(dict.fromkeys([*first, *unknown, *others]))[:most]

@@ -217,7 +217,7 @@ def _suspect(one: Cause, why: str, titles: Mapping[str, str]) -> Card:
 
 def _unknown(unknown: Unknown) -> Card:
     title, said = "Something without a name", (("", unknown.words()),)
-    adds = "" if unknown.curve is None else f"Add as a {unknown.form}"
+    adds = "" if not unknown.can_be_added else f"Add as a {unknown.form}" if unknown.own is None else "Make it finer"
     return Card(unknown.reference, title, said=said, adds=adds, is_main=True)
 
 

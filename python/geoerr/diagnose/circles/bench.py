@@ -18,7 +18,7 @@ from geoerr.diagnose.circles.causes import Suspect, Way, tells_vibration
 from geoerr.diagnose.circles.columns import Radii
 from geoerr.diagnose.circles.noise import Noise
 from geoerr.diagnose.circles.probes import Probe
-from geoerr.distributions import chi_squared_log_sf
+from geoerr.distributions import chi_squared_log_sf, never_zero
 from geoerr.fit.owned import OWNED
 from geoerr.fit.sightings import Numbers
 
@@ -299,4 +299,4 @@ class Null:
             return (1 + above) / (len(self.largest) + 1)
         scale = max(float(np.std(self.largest, ddof=1)) / _GUMBEL_STD, 1.0)
         where = float(np.mean(self.largest)) - _EULER * scale
-        return float(-np.expm1(-np.exp(-(found - where) / scale)))
+        return never_zero(float(-np.expm1(-np.exp(-(found - where) / scale))))
