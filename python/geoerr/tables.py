@@ -29,6 +29,8 @@ FIRST_DATA_ROW = 2
 _NO_TABLES = (".json", ".toml")
 _MOST_OF_A_MESSAGE = 200
 _COMMENT = "#"
+# What loggers write where a sensor said nothing.
+_UNKNOWN = ("n/a", "na", "#n/a", "null", "none", "-", "--", "?")
 _NOT_A_NUMBER = "{value!r} is not a number"
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
@@ -329,8 +331,7 @@ def _typed(
             remedy = remedy_of(str(value).strip(), name) if problem == _NOT_A_NUMBER else None
             problems.append(RowProblem(str(path), row, name, problem.format(value=value), remedy or ""))
 
-    text = (column.cast(pl.Int8) if column.dtype == pl.Boolean else column).cast(pl.String).str.strip_chars()
-    text = text.set(text == "", None)
+    text, as_numbers = _cell_texts(column, name)
     if name in schema.filled:
         refuse(text.is_null(), "the cell is empty")
     allowed = dict(schema.choices).get(name)
@@ -339,7 +340,7 @@ def _typed(
         return text, problems
     if name in schema.texts:
         return text, problems
-    numbers = text.cast(pl.Float64, strict=False)
+    numbers = as_numbers.cast(pl.Float64, strict=False)
     if name in schema.numbers or name in schema.whole_numbers:
         for where, problem in _wrong_numbers(name, schema, text, numbers):
             refuse(where, problem)
@@ -349,9 +350,23 @@ def _typed(
     if is_temperature(name):
         refuse(text.is_not_null() & numbers.is_null(), _NOT_A_NUMBER)
         refuse(numbers.is_infinite(), "{value!r} is not a finite number")
-    elif (text.is_not_null() & numbers.is_null()).any():
+    elif _is_text(text, as_numbers, numbers):
         return text, problems
     return numbers.fill_nan(None), problems
+
+
+def _cell_texts(column: pl.Series, name: str) -> tuple[pl.Series, pl.Series]:
+    """Give cells as they are, null where they are empty, and as numbers are read of them: null where unknown, too."""
+    text = (column.cast(pl.Int8) if column.dtype == pl.Boolean else column).cast(pl.String).str.strip_chars()
+    text = text.set(text == "", None)
+    as_numbers = text.set(text.str.to_lowercase().is_in(_UNKNOWN), None)
+    return (as_numbers if is_temperature(name) else text), as_numbers
+
+
+def _is_text(text: pl.Series, as_numbers: pl.Series, numbers: pl.Series) -> bool:
+    """Tell whether a column of the user's own is one of texts: some cell is no word for unknown, or none a number."""
+    is_other = as_numbers.is_not_null() & numbers.is_null()
+    return bool(is_other.any() or (numbers.is_null().all() and text.is_not_null().any()))
 
 
 def _wrong_numbers(name: str, schema: Schema, text: pl.Series, numbers: pl.Series) -> Iterator[tuple[pl.Series, str]]:

@@ -259,6 +259,23 @@ def test_how_a_cell_is_written_that_is_no_number_is_said(
     assert str(found).endswith(f"is not a number: {remedy}" if remedy else "is not a number")
 
 
+@pytest.mark.parametrize("cell", ["n/a", "N/A", "NA", "#N/A", "null", "None", "-", " n/a ", "NaN"])
+def test_a_temperature_that_is_said_to_be_unknown_is_an_empty_cell(tmp_path: Path, cell: str) -> None:
+    """Set aside, its row was a place that the machine never went to: the next one seemed to come from elsewhere."""
+    rows = ["x,y,z,mx,temp_bed,load", "0,0,0,0,20,1", f"9,0,0,9,{cell},{cell}", "4,0,0,4,21,2"]
+    observations = read_observations(write(tmp_path, "\n".join(rows)))
+    empty = read_observations(write(tmp_path, "\n".join(rows).replace(cell, "")))
+    assert not observations.set_aside
+    assert observations.frame.equals(empty.frame)
+    assert observations.directions[:, 0].tolist() == [0, 1, -1]
+
+
+def test_texts_of_ones_own_stay_texts_whatever_some_of_them_say(tmp_path: Path) -> None:
+    table = read_observations(write(tmp_path, "x,y,z,mx,who,why\n1,2,3,4,-,-\n2,2,3,4,Ann,-\n"))
+    assert table.frame["who"].to_list() == ["-", "Ann"]
+    assert table.frame["why"].to_list() == ["-", "-"]
+
+
 def test_text_of_a_spreadsheet_is_told_by_its_encoding(tmp_path: Path) -> None:
     for encoding in ("utf-16", "utf-16-be"):
         mark = b"" if encoding == "utf-16" else b"\xfe\xff"
