@@ -14,7 +14,10 @@ from geoerr.report import figures
 PACKAGE = Path(geoerr.__file__).parent
 
 # Room to the rooms of geoerr that it may import (besides itself). A room is a file or folder of the package.
-BASE = {"arguments", "column_names", "drawing", "errors", "files", "quoted_cells", "spelling", "summaries", "tables"}
+BASE = {
+    *("arguments", "column_names", "drawing", "errors", "files", "not_numbers", "quoted_cells", "spelling"),
+    *("summaries", "tables"),
+}
 CORE = {"_core", "geometry"}
 TABLES = BASE | {"denavit_hartenberg", "dobariya", "machine", "observations", "error_functions"}
 MODEL = TABLES | CORE | {"commanded_circle", "distributions", "terms", "bases", "effects", "model"}
@@ -27,6 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "commanded_circle": set(),
     "distributions": set(),
     "installation": set(),
+    "not_numbers": set(),
     "spelling": set(),
     "summaries": set(),
     "files": {"errors"},

@@ -23,7 +23,7 @@ from geoerr.drawing import drawn
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.files import check_written
 from geoerr.summaries import facts_html, sentences_html, span_text, summary_html, table_html
-from geoerr.tables import RowProblem, Schema, check, read_raw, write_table
+from geoerr.tables import RowProblem, Schema, check, read_raw, remedy_of_names, write_table
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -245,8 +245,9 @@ MeasuredTable: TypeAlias = Observations | CircularTest | Lengths
 
 def kind_of(columns: Iterable[str]) -> str:
     """Tell the kind of a table from its column names: `points`, `circle` or `lengths`."""
-    names = set(columns)
-    if {"measured", "x1", "x2"} <= names:
+    # What is wrong with its names is for the reader of its kind to say.
+    names = {name.lower() for name in columns}
+    if {"x1", "x2"} <= names and ("measured" in names or not names & set(MEASURED)):
         return "lengths"
     if "r" in names and not names & set(MEASURED):
         return "circle"
@@ -310,7 +311,8 @@ def _refuse_unmeasured(raw: pl.DataFrame, path: str | Path) -> None:
             f"the columns are missing; the file has {', '.join(raw.columns)}",
             row=1,
             column="mx my mz",
-            remedy="measured positions in mm; leave cells empty where a component was not measured",
+            remedy=remedy_of_names(raw.columns, MEASURED, POINT_COLUMNS)
+            or "measured positions in mm; leave cells empty where a component was not measured",
         )
 
 

@@ -19,7 +19,9 @@ import polars as pl
 from geoerr.column_names import is_temperature
 from geoerr.errors import InputFileError
 from geoerr.files import refusing_unreadable, whole_or_absent
+from geoerr.not_numbers import remedy_of
 from geoerr.quoted_cells import is_well_quoted, names_of_header, read_quoted
+from geoerr.spelling import meant
 
 # Line 1 of a CSV file is its header.
 FIRST_DATA_ROW = 2
@@ -27,21 +29,27 @@ FIRST_DATA_ROW = 2
 _NO_TABLES = (".json", ".toml")
 _MOST_OF_A_MESSAGE = 200
 _COMMENT = "#"
+# What loggers write where a sensor said nothing.
+_UNKNOWN = ("n/a", "na", "#n/a", "null", "none", "-", "--", "?")
+_NOT_A_NUMBER = "{value!r} is not a number"
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 
 @dataclass(frozen=True)
 class RowProblem:
-    """One row that was set aside: `row` is the line of the file that a text editor shows."""
+    """One row that was set aside: `row` is the line of the file that a text editor shows, `remedy` '' if unknown."""
 
     path: str
     row: int
     column: str
     problem: str
+    remedy: str = ""
 
     def __str__(self) -> str:
         """Say it as one line of a message."""
-        return f"{self.path}:{self.row}: {self.column}: {self.problem}"
+        remedy = f": {self.remedy}" if self.remedy else ""
+        return f"{self.path}:{self.row}: {self.column}: {self.problem}{remedy}"
 
 
 @dataclass(frozen=True)
@@ -140,13 +148,12 @@ def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataF
     missing = [name for name in schema.required if name not in raw.columns]
     if missing:
         needs = f"a table of this kind needs {', '.join(schema.required)}"
-        is_there = {name.lower() for name in raw.columns}.issuperset(missing)
         raise InputFileError(
             path,
             f"the column is missing; the file has {', '.join(raw.columns)}",
             row=1,
             column=missing[0],
-            remedy="write the names of columns in lower case" if is_there else needs,
+            remedy=remedy_of_names(raw.columns, missing, schema) or needs,
         )
     frame = raw.with_columns(pl.int_range(FIRST_DATA_ROW, pl.len() + FIRST_DATA_ROW).alias("file_row"))
     empty = pl.all_horizontal(pl.exclude("file_row").is_null())
@@ -174,10 +181,21 @@ def check(raw: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataF
                 f"{first.problem}; no usable row is left",
                 row=first.row,
                 column=first.column,
-                remedy="correct the rows; all of them are wrong",
+                remedy=first.remedy or "correct the rows; all of them are wrong",
             )
         raise InputFileError(path, "has a header but no rows", remedy="give at least one row")
     return frame, tuple(sorted(problems, key=lambda problem: problem.row))
+
+
+def remedy_of_names(columns: Sequence[str], missing: Sequence[str], schema: Schema) -> str | None:
+    """Say what the names of columns that are missing are in the file, as far as others are like them."""
+    if {name.lower() for name in columns}.issuperset(missing):
+        return "write the names of columns in lower case"
+    for name in columns:
+        word = None if name in schema.columns else meant(name.lower(), missing)
+        if word is not None:
+            return f"did you mean {word}, where the file has {name}?"
+    return None
 
 
 def _without_comments(frame: pl.DataFrame, schema: Schema, path: str | Path) -> tuple[pl.DataFrame, list[RowProblem]]:
@@ -200,6 +218,12 @@ def _without_comments(frame: pl.DataFrame, schema: Schema, path: str | Path) -> 
 def _read_csv(content: bytes, path: str | Path) -> pl.DataFrame:
     if not content.strip():
         raise InputFileError(path, "the file is empty", remedy="give a header line and at least one row")
+    if content.startswith(_UTF_16):
+        raise InputFileError(
+            path,
+            'is UTF-16 text, as a spreadsheet\'s "Unicode text" is',
+            remedy='save it as UTF-8, in a spreadsheet as "CSV UTF-8"',
+        )
     if b"\0" in content[:4096]:
         raise InputFileError(path, "not a text table (it holds NUL bytes)", remedy="save it as CSV or .parquet")
     try:
@@ -304,10 +328,10 @@ def _typed(
 
     def refuse(where: pl.Series, problem: str) -> None:
         for row, value in zip(rows.filter(where), column.filter(where), strict=True):
-            problems.append(RowProblem(str(path), row, name, problem.format(value=value)))
+            remedy = remedy_of(str(value).strip(), name) if problem == _NOT_A_NUMBER else None
+            problems.append(RowProblem(str(path), row, name, problem.format(value=value), remedy or ""))
 
-    text = (column.cast(pl.Int8) if column.dtype == pl.Boolean else column).cast(pl.String).str.strip_chars()
-    text = text.set(text == "", None)
+    text, as_numbers = _cell_texts(column, name)
     if name in schema.filled:
         refuse(text.is_null(), "the cell is empty")
     allowed = dict(schema.choices).get(name)
@@ -316,7 +340,7 @@ def _typed(
         return text, problems
     if name in schema.texts:
         return text, problems
-    numbers = text.cast(pl.Float64, strict=False)
+    numbers = as_numbers.cast(pl.Float64, strict=False)
     if name in schema.numbers or name in schema.whole_numbers:
         for where, problem in _wrong_numbers(name, schema, text, numbers):
             refuse(where, problem)
@@ -324,16 +348,30 @@ def _typed(
     # A column of the user's own: numbers where all its cells are, else text. NaN is how tools write "unknown".
     # A temperature is a number: a cell that is none is a mistake, and makes no column of texts.
     if is_temperature(name):
-        refuse(text.is_not_null() & numbers.is_null(), "{value!r} is not a number")
+        refuse(text.is_not_null() & numbers.is_null(), _NOT_A_NUMBER)
         refuse(numbers.is_infinite(), "{value!r} is not a finite number")
-    elif (text.is_not_null() & numbers.is_null()).any():
+    elif _is_text(text, as_numbers, numbers):
         return text, problems
     return numbers.fill_nan(None), problems
 
 
+def _cell_texts(column: pl.Series, name: str) -> tuple[pl.Series, pl.Series]:
+    """Give cells as they are, null where they are empty, and as numbers are read of them: null where unknown, too."""
+    text = (column.cast(pl.Int8) if column.dtype == pl.Boolean else column).cast(pl.String).str.strip_chars()
+    text = text.set(text == "", None)
+    as_numbers = text.set(text.str.to_lowercase().is_in(_UNKNOWN), None)
+    return (as_numbers if is_temperature(name) else text), as_numbers
+
+
+def _is_text(text: pl.Series, as_numbers: pl.Series, numbers: pl.Series) -> bool:
+    """Tell whether a column of the user's own is one of texts: some cell is no word for unknown, or none a number."""
+    is_other = as_numbers.is_not_null() & numbers.is_null()
+    return bool(is_other.any() or (numbers.is_null().all() and text.is_not_null().any()))
+
+
 def _wrong_numbers(name: str, schema: Schema, text: pl.Series, numbers: pl.Series) -> Iterator[tuple[pl.Series, str]]:
     """Give the rows whose cell is not the number that its column has, and what is wrong with it."""
-    yield text.is_not_null() & numbers.is_null(), "{value!r} is not a number"
+    yield text.is_not_null() & numbers.is_null(), _NOT_A_NUMBER
     yield numbers.is_not_null() & ~numbers.is_finite(), "{value!r} is not a finite number"
     if name in schema.whole_numbers:
         yield numbers.is_finite() & (numbers != numbers.round()), "{value!r} is not a whole number"

@@ -53,6 +53,13 @@ def test_every_verb_has_json_quiet_threads_and_fits_the_terminal(words: tuple[st
     assert max(map(len, verb.epilog.splitlines())) <= 78
 
 
+def test_what_is_held_beyond_the_measured_range_is_said() -> None:
+    """Of a formula nothing is held: a squareness goes on (tests/compensate/test_program.py)."""
+    for verb in ("compensate", "farm"):
+        (held,) = [one for one in verb_of((verb,)).params if "--outside-measured" in one.opts]
+        assert "last value of each function of an axis; formulas go on" in held.help
+
+
 def complete(shell: str, *words: str) -> list[str]:
     environment = {"_GEOERR_COMPLETE": f"complete_{shell}", "COMP_WORDS": " ".join(["geoerr", *words])}
     environment |= {"COMP_CWORD": str(len(words)), "_TYPER_COMPLETE_ARGS": " ".join(["geoerr", *words])}

@@ -134,6 +134,25 @@ def test_positions_that_were_not_measured_are_refused_or_held():
     assert [warning.kind for warning in result.warnings] == ["outside-measured"]
 
 
+def test_held_are_functions_of_an_axis_and_formulas_go_on():
+    """What `--outside-measured hold` and the guides say of places beyond: an axis that leans leans there."""
+    options = CompensationOptions(outside_measured="hold", digits=6)
+
+    def corrected_mm(model: Model, y_mm: float) -> np.ndarray:
+        model.machine.axes["y"] = type(model.machine.axes["y"])((-50.0, 450.0))
+        written, _ = compensate_bytes(model, b"G1 X10 Y%g Z10\n" % y_mm, options)
+        words = {word[:1]: float(word[1:]) for word in lines(written)[0].split()[1:]}
+        return np.array([words[b"X"] - 10.0, words[b"Y"] - y_mm])
+
+    curved = printer(low_mm=(0.0, 0.0, 0.0))
+    assert curved.errors is not None
+    without_angles = replace(curved.errors, functions={"EYY": curved.errors.functions["EYY"]}, squareness={})
+    held = [corrected_mm(Model(curved.machine, without_angles), y_mm) for y_mm in (400.0, 440.0)]
+    assert np.ptp(held, axis=0) == pytest.approx([0.0, 0.0], abs=2e-6)
+    gone_on = [corrected_mm(leaning(), y_mm)[0] for y_mm in (400.0, 440.0)]
+    assert gone_on[1] - gone_on[0] == pytest.approx(-5e-3 * 40.0, rel=1e-4)
+
+
 def test_a_refused_program_leaves_an_earlier_output(tmp_path):
     source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
     target.write_text("earlier")

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from geoerr.errors import InputFileError, ShapeError
 from geoerr.machine import Machine
+from geoerr.measurements import read_measurements
 from geoerr.observations import (
     kind_of,
     observations_from_columns,
@@ -226,6 +227,84 @@ def test_a_file_without_a_usable_row_is_refused(
         read_observations(path)
     assert (caught.value.path, caught.value.row, caught.value.column) == (str(path), row, column)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "remedy"),
+    [
+        ("t", "2026-11-30T09:00:00", "times are seconds since the session began"),
+        ("t", "30.11.2026 09:00", "times are seconds since the session began"),
+        ("t", "09:00:20", "times are seconds since the session began"),
+        ("x", "10:30", None),
+        ("mx", '"240,36"', "numbers are written with a point, and not with a decimal comma"),
+        ("mx", "240.36 mm", "numbers are written without units"),
+        ("temp_bed", "20.00°C", "numbers are written without units"),
+        ("temp_bed", "9o", None),
+        ("mx", "abc", None),
+    ],
+)
+def test_how_a_cell_is_written_that_is_no_number_is_said(
+    tmp_path: Path, column: str, cell: str, remedy: str | None
+) -> None:
+    """Where all rows are wrong as the hint, and beside each row that is set aside."""
+    names = ["x", "y", "z", "mx", "t", "temp_bed"]
+    good = ["1"] * len(names)
+    bad = [cell if name == column else "1" for name in names]
+    with pytest.raises(InputFileError) as caught:
+        read_observations(write(tmp_path, "\n".join(",".join(row) for row in (names, bad, bad))))
+    assert caught.value.remedy is not None
+    assert (remedy or "all of them are wrong") in caught.value.remedy
+    assert caught.value.problem.endswith("is not a number; no usable row is left")
+    (found,) = read_observations(write(tmp_path, "\n".join(",".join(row) for row in (names, good, bad)))).set_aside
+    assert str(found).endswith(f"is not a number: {remedy}" if remedy else "is not a number")
+
+
+@pytest.mark.parametrize("cell", ["n/a", "N/A", "NA", "#N/A", "null", "None", "-", " n/a ", "NaN"])
+def test_a_temperature_that_is_said_to_be_unknown_is_an_empty_cell(tmp_path: Path, cell: str) -> None:
+    """Set aside, its row was a place that the machine never went to: the next one seemed to come from elsewhere."""
+    rows = ["x,y,z,mx,temp_bed,load", "0,0,0,0,20,1", f"9,0,0,9,{cell},{cell}", "4,0,0,4,21,2"]
+    observations = read_observations(write(tmp_path, "\n".join(rows)))
+    empty = read_observations(write(tmp_path, "\n".join(rows).replace(cell, "")))
+    assert not observations.set_aside
+    assert observations.frame.equals(empty.frame)
+    assert observations.directions[:, 0].tolist() == [0, 1, -1]
+
+
+def test_texts_of_ones_own_stay_texts_whatever_some_of_them_say(tmp_path: Path) -> None:
+    table = read_observations(write(tmp_path, "x,y,z,mx,who,why\n1,2,3,4,-,-\n2,2,3,4,Ann,-\n"))
+    assert table.frame["who"].to_list() == ["-", "Ann"]
+    assert table.frame["why"].to_list() == ["-", "-"]
+
+
+def test_text_of_a_spreadsheet_is_told_by_its_encoding(tmp_path: Path) -> None:
+    for encoding in ("utf-16", "utf-16-be"):
+        mark = b"" if encoding == "utf-16" else b"\xfe\xff"
+        path = write(tmp_path, mark + GOOD.encode(encoding))
+        with pytest.raises(
+            InputFileError, match=r'UTF-16.*\nhint: save it as UTF-8, in a spreadsheet as "CSV UTF-8"'
+        ):
+            read_observations(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "missing", "remedy"),
+    [
+        ("feature,x1,y1,z1,x2,y2,z2,mesured", "measured", "did you mean measured, where the file has mesured?"),
+        ("Feature,X1,Y1,Z1,X2,Y2,Z2,Measured", "feature", "write the names of columns in lower case"),
+        ("feature,x1,y1,z1,x2,y2,z2", "measured", "a table of this kind needs feature, x1"),
+        ("x,y,z,R", "r", "write the names of columns in lower case"),
+        ("x,y,z,MX,MY,MZ", "mx my mz", "write the names of columns in lower case"),
+        ("x,y,z,m_x", "mx my mz", "did you mean mx, where the file has m_x?"),
+        ("x,y,z", "mx my mz", "leave cells empty"),
+    ],
+)
+def test_a_column_that_is_called_nearly_so_is_named(tmp_path: Path, header: str, missing: str, remedy: str) -> None:
+    """Lengths with a slip in `measured` were taken for points that lack mx, my and mz."""
+    path = write(tmp_path, f"{header}\n{','.join('1' for _ in header.split(','))}\n")
+    with pytest.raises(InputFileError) as caught:
+        read_measurements([path])
+    assert caught.value.column == missing
+    assert remedy in str(caught.value.remedy)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

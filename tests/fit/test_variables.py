@@ -6,6 +6,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from geoerr.effects import catalogue
+from geoerr.errors import InputFileError
+from geoerr.fit.additions import refuse_wanting
 from geoerr.fit.columns import unread_columns
 from geoerr.fit.joined import sightings_of
 from geoerr.fit.variables import clock_span_s, variable_columns
@@ -170,7 +173,27 @@ def test_a_column_that_is_nearly_one_of_ours_is_told(name: str, word: str) -> No
     assert f"did you mean {word}?" in note
 
 
+@pytest.mark.parametrize("name", ["heater_bed", "bed_temp", "Temperature", "temperature_2", "temp 1", "Heater bed"])
+def test_a_temperature_by_another_name_is_told_how_it_is_called(name: str) -> None:
+    (note,) = unread_columns([name])
+    assert f"name it temp_{name.lower().replace(' ', '_')}: effects of temperature" in note
+
+
+def test_an_effect_of_temperature_names_the_columns_that_are_there() -> None:
+    """Klipper calls its bed `heater_bed`: the file has a temperature, and the message said that it is wanting."""
+    sightings = sightings_of(Observations(rows(x=np.arange(4.0), t=np.arange(4.0), heater_bed=np.arange(4.0))))
+    effect, reference = catalogue().resolve("thermal-expansion:y@temp_bed")
+    with pytest.raises(InputFileError, match="wanting: a temperature column") as caught:
+        refuse_wanting(effect, reference, sightings)
+    assert caught.value.remedy == (
+        "columns that an effect may follow are t, heater_bed; one that holds a temperature is named temp or "
+        "temp_..., as temp_bed"
+    )
+
+
 def test_columns_of_ones_own_are_nobodys_slip() -> None:
     assert not [
-        *unread_columns(["temp_bed", "temp", "load", "rpm", "humidity", "feed_rate", "r2", "line1", "file_row"])
+        *unread_columns(
+            ["temp_bed", "temp", "load", "rpm", "humidity", "feed_rate", "r2", "line1", "attempt", "file_row"]
+        )
     ]

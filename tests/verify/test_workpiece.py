@@ -167,7 +167,7 @@ def test_a_lost_first_point_is_said(tmp_path):
         (f"{HEADER}\na,h,relative,1,1,0,,,\n", "mx my mz: no row has a measured position"),
         ("line,x,y,z,r\na,1,2,3,4\n", "circular test"),
         ("", "empty"),
-        ("feature,x1,y1,z1,x2,y2,z2\n1,0,0,0,1,1,1\n", "mx my mz"),
+        ("feature,x1,y1,z1,x2,y2,z2\n1,0,0,0,1,1,1\n", "measured: the column is missing"),
     ],
 )
 def test_what_is_no_workpiece_is_refused(tmp_path, text, words):

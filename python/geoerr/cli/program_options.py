@@ -90,7 +90,10 @@ KeepUncertain = Annotated[
 ]
 OutsideMeasured = Annotated[
     OutsideMeasuredChoice,
-    typer.Option("--outside-measured", help="Beyond the measured range: refuse, or hold the last errors."),
+    typer.Option(
+        "--outside-measured",
+        help="Beyond the measured range: refuse, or hold the last value of each function of an axis; formulas go on.",
+    ),
 ]
 Digits = Annotated[
     int, typer.Option("--digits", min=1, max=9, help="Digits of a printed axis word in mm; inches get one more.")

@@ -71,7 +71,8 @@ class CompensationOptions:
     on_unsupported
         Refuse a program with a line that is not corrected, or pass such lines through untouched with a warning.
     outside_measured
-        Refuse positions outside the measured range of the errors, or hold the last measured values.
+        Refuse positions outside the measured range of the errors, or hold the last measured values of functions of
+        an axis, beyond which formulas go on.
     keeps_uncertain
         Correct also what is known so poorly that correcting it adds more uncertainty than it takes error away.
     extrapolates

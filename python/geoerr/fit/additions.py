@@ -181,15 +181,17 @@ def refuse_wanting(effect: Effect, reference: EffectReference, sightings: Sighti
         n_sessions=sightings.n_set_ups,
         is_circular=bool(np.isin("circle", sightings.frames)),
     )
+    may_follow = f"columns that an effect may follow are {', '.join(sightings.free_columns) or 'none'}"
     if wanting is not None:
-        raise InputFileError(str(reference), f"cannot be fitted to these data: {wanting}")
-    absent = [name for name in reference.covariate_columns if name not in columns]
-    if absent:
+        named = "; one that holds a temperature is named temp or temp_..., as temp_bed"
         raise InputFileError(
             str(reference),
-            f"the data have no column {absent[0]}",
-            remedy=f"columns that an effect may follow are {', '.join(sightings.free_columns) or 'none'}",
+            f"cannot be fitted to these data: {wanting}",
+            remedy=f"{may_follow}{named}" if effect.follows_temperature and "temperature" in wanting else None,
         )
+    absent = [name for name in reference.covariate_columns if name not in columns]
+    if absent:
+        raise InputFileError(str(reference), f"the data have no column {absent[0]}", remedy=may_follow)
 
 
 def usual_terms(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from geoerr.column_names import looks_like_temperature
 from geoerr.fit.sightings import Numbers
 from geoerr.observations import (
     CIRCLE_COLUMNS,
@@ -49,6 +51,15 @@ def unread_columns(names: Iterable[str]) -> Iterator[str]:
             yield f"the column {name} is not read: the name is geoerr's own, for {meaning}; {remedy}"
         elif name not in _KNOWN and (word := _nearly(name)):
             yield f"the column {name!r} is one of your own; did you mean {word}? That is what would be read"
+        elif looks_like_temperature(name):
+            yield (
+                f"the column {name!r} is one of your own; if it is a temperature, name it temp_{_as_name(name)}: "
+                "effects of temperature follow temp and temp_... alone"
+            )
+
+
+def _as_name(name: str) -> str:
+    return re.sub(r"\W+", "_", name.lower())
 
 
 def _nearly(name: str) -> str | None:

@@ -21,6 +21,7 @@ from geoerr.fit.columns import lacking_rows, mean_covariance, stated_rows, unrea
 from geoerr.fit.counted_twice import counted_twice
 from geoerr.fit.false_readings import without_false_readings
 from geoerr.fit.lengths import sightings_of_lengths
+from geoerr.fit.mirrored import refuse_mirrored
 from geoerr.fit.misplaced import misplaced_targets
 from geoerr.fit.moved_targets import targets_that_moved
 from geoerr.fit.noise import in_the_way_of_repeats
@@ -129,9 +130,10 @@ def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
     Raises
     ------
     GeometryError
-        where targets do not go with what is said to carry them.
+        where targets do not go with what is said to carry them, or were measured in a frame that is mirrored.
     """
     refuse_other_carriers(sightings, machine)
+    refuse_mirrored(sightings, machine)
     told = [
         *misplaced_targets(sightings, machine),
         *places_in_metres(sightings, machine),

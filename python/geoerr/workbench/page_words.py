@@ -7,7 +7,7 @@ from typing import Final
 
 # What the page asks of a program, as it asks it.
 ZERO: Final = "Program's zero in machine coordinates, mm"
-HOLD: Final = "beyond the measured range, hold the last error"
+HOLD: Final = "beyond the measured range, hold the last values of functions"
 PASS: Final = "pass lines through that cannot be corrected"
 # Options and verbs that messages name to what a person does on the page instead; the longer before its part.
 _SAID: Final = {

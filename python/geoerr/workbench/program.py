@@ -79,7 +79,7 @@ class Wish:
     conditions, work_offset
         As typed: name to value, and the program's zero in machine coordinates, empty where it is not told.
     holds_outside
-        Whether the last error holds beyond the measured range.
+        Whether functions hold their last values beyond the measured range, where formulas go on.
     passes_unsupported
         Whether lines that are not corrected are passed through.
     """

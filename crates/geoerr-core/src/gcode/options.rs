@@ -30,7 +30,7 @@ pub struct Options {
     pub firmware: Option<Firmware>,
     /// What to do with a line that is not corrected.
     pub on_unsupported: OnUnsupported,
-    /// Hold the last measured errors outside the measured range; else such positions are refused.
+    /// Hold the last measured values of functions outside the measured range; else such positions are refused.
     pub holds_outside_measured: bool,
     /// Whether the user has said what the firmware corrects.
     pub firmware_corrections_named: bool,
