@@ -384,8 +384,8 @@ fn a_printer_that_homes_one_axis_moves_the_others() {
             let expected = ["G1 Z5", "G1 X100.1", "G1 X200.0000 Y100.0000 Z5.0000"];
             assert_eq!(lines[3..], expected, "{homing} {:?}", options.firmware);
         }
-        let all = "M83\nG1 X100.1 Y0 Z0 E1\nG28 X Y Z\nG1 Z5\n";
-        assert_eq!(rewritten(scaled(), options, all)[3], "G1 Z5 X0.0000 Y0.0000");
+        let all = "M83\nG1 X100.1 Y0 Z0 E1\nG28 X Y Z\nG1 X100.1\n";
+        assert_eq!(rewritten(scaled(), options, all)[3], "G1 X100.0000 Y0.0000 Z10.0000");
     }
 }
 
