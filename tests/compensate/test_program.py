@@ -306,3 +306,29 @@ def test_memory_does_not_grow_with_the_program(tmp_path, kind):
     assert done.returncode == 0, done.stderr
     assert int(done.stderr.split()[-1]) < 100 * 1024
     assert Path(tmp_path / "out.gcode").stat().st_size > source.stat().st_size
+
+
+def test_macros_that_may_move_are_named_and_counted():
+    names = [f"MACRO_{number}" for number in range(25)]
+    program = "\n".join([SQUARE.decode(), *names, "macro_3", "G1 X20 Y20", "G1 X30", "G1 X40", "G1 X50"]).encode()
+    told = compensate_bytes(leaning(), program)[1]
+    assert [(one.name, one.count) for one in told.may_move[2:5]] == [("MACRO_2", 1), ("MACRO_3", 2), ("MACRO_4", 1)]
+    assert len(told.may_move) == len(told.to_document()["may_move"]) == 25
+    (warning,) = (one for one in told.warnings if one.kind == "may-move")
+    assert "MACRO_3 (2 times), MACRO_4" in str(warning)
+    assert "MACRO_19 and 5 more" in str(warning)
+    assert "--still" in str(warning)
+    assert told.mostly_untouched is None
+    still = CompensationOptions(still=tuple(names))
+    assert compensate_bytes(leaning(), program, still)[1].may_move == ()
+    with pytest.raises(GeoerrError, match="still cannot be 'G28'"):
+        CompensationOptions(still=("G28",))
+
+
+def test_a_program_of_which_most_is_as_it_was_says_so_first():
+    program = b"M83\nG1 X10 Y10 Z10 F3000\n_LAYER\n" + b"G1 X20 Y20 E1\n" * 3
+    told = compensate_bytes(leaning(), program)[1]
+    assert told.mostly_untouched == "3 of 4 moves are NOT corrected"
+    behind = b"G1 X10 Y10 Z10 F3000\nM98 P1\n" + b"G1 X20 Y20 E1\n" * 3
+    lost = compensate_bytes(leaning(), behind, CompensationOptions(on_unsupported="pass"))[1]
+    assert lost.mostly_untouched == "3 of 5 lines cannot be followed and are NOT corrected"

@@ -128,3 +128,39 @@ def test_any_bytes(data):
         outcome = attempt(NOMINAL, data, options)
         if not isinstance(outcome, GcodeError):
             assert outcome[0] == data
+
+
+# What Klipper reads otherwise than other controllers, and macros of which the last is said to be still.
+KLIPPER = """
+    T0|T1|G28|G28 Z|G28 X Y|SAVE_GCODE_STATE|SAVE_GCODE_STATE NAME=a|RESTORE_GCODE_STATE|RESTORE_GCODE_STATE NAME=a
+    |RESTORE_GCODE_STATE MOVE=1|RESTORE_GCODE_STATE NAME=a MOVE=1 MOVE_SPEED=50|M82|M83|G90|G91|G92|G92 X5 E2|G92 Z1
+    |SET_GCODE_OFFSET Z=0.2|SET_GCODE_OFFSET X=1 MOVE=1|M220 S50|M600|M1234|M0|M204 S500|SET_POSITION|SET_PIN PIN=a
+    |PARK|STILL_ONE|G1 F900|G1 E2|G1 E-1.5|ACTIVATE_EXTRUDER EXTRUDER=e1
+"""
+klipper_line = st.sampled_from([line.strip() for line in KLIPPER.split("|")])
+letters = st.lists(st.sampled_from("XYZ"), min_size=1, max_size=3, unique=True)
+klipper_move = st.tuples(letters, numbers, st.sampled_from(["", " E1.5", " E7 F1200"])).map(
+    lambda parts: "G1 " + " ".join(f"{letter}{parts[1]}" for letter in parts[0]) + parts[2]
+)
+klipper_programs = st.lists(klipper_line | klipper_move | move, max_size=14).map("\n".join)
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(klipper_programs)
+def test_programs_of_klipper(tmp_path, program):
+    options = replace(PASS, home_mm=HOME, firmware="klipper", still=("still_one",))
+    outcome = attempt(MILL, program.encode(), options)
+    if isinstance(outcome, GcodeError):
+        return
+    written, result = outcome
+    (tmp_path / "in.gcode").write_text(program)
+    (tmp_path / "out.gcode").write_bytes(written)
+    programs = (tmp_path / "in.gcode", tmp_path / "out.gcode")
+    path = compare_paths(MILL, *programs, home_mm=HOME, firmware="klipper", still=options.still, threads=1)
+    if "not-split" not in {warning.kind for warning in result.warnings}:
+        assert path.max_error_um_after <= 5.0
+    assert path.moves_with_other_extrusion == 0
+    assert path.max_feed_change_percent == 0.0
+    assert path.extrusion_in_mm == path.extrusion_out_mm
+    # Each follows what the other does.
+    assert result.lines_not_followed or path.moves_not_followed == result.moves_in - result.moves_corrected

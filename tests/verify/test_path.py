@@ -680,10 +680,11 @@ TOOLS = "T0\nG1 X20 Y20 Z5 F3000\nG1 X21 E5\n{change}\nG1 X21 Y300.5 E{first}\nG
 @pytest.mark.parametrize(
     ("change", "first", "second", "length_mm"),
     [
-        ("T1\nG92 E0", 2, 6, 11.0),
-        ("T1\nM83", 2, 6, 13.0),
+        ("T1\nG92 E0\nG1 X21 Y20 Z5", 2, 6, 11.0),
+        ("T1\nM83\nG1 X21 Y20 Z5", 2, 6, 13.0),
         ("ACTIVATE_EXTRUDER EXTRUDER=extruder1\nG92 E0\nG1 X21 Y20 Z5", 2, 6, 11.0),
-        ("SAVE_GCODE_STATE NAME=a\nG1 E1\nRESTORE_GCODE_STATE NAME=a\nG1 X21 Y20 Z5", 7, 9, 5.0),
+        ("SAVE_GCODE_STATE NAME=a\nG1 E1\nRESTORE_GCODE_STATE NAME=a", 7, 9, 5.0),
+        ("SAVE_GCODE_STATE\nM83\nG91\nG1 E-4\nRESTORE_GCODE_STATE MOVE=1", 7, 9, 5.0),
     ],
 )
 def test_what_several_tools_extrude_is_compared(tmp_path, change, first, second, length_mm):
@@ -699,7 +700,7 @@ def test_what_several_tools_extrude_is_compared(tmp_path, change, first, second,
 
 def test_where_the_e_of_another_tool_begins_nobody_has_said(tmp_path):
     """What the first word extrudes is not told, and such a move is not split; the next one counts from it."""
-    text = TOOLS.format(change="T1", first=7, second=9)
+    text = TOOLS.format(change="T1\nG1 X21 Y20 Z5", first=7, second=9)
     program, output = written(tmp_path, text), tmp_path / "out.gcode"
     with pytest.raises(GcodeError, match="where its E begins nobody has said since the tool was changed"):
         compensate_program(wavy(), program, output)
@@ -730,7 +731,8 @@ def test_a_rapid_to_the_end_of_an_axis_is_not_compared(tmp_path):
         ("M64 P1 X60", None, False),
         ("M64 P1 X[30*2]", None, False),
         ("M0 Click to eXit", None, True),
-        ("M64 P1 X60", "klipper", True),
+        ("M64 P1 X60", "klipper", False),
+        ("M201 X60", "klipper", True),
         ("M622 J1", None, False),
         ("G10 L2 P0 X60", None, False),
         ("G28 O", "marlin", False),
@@ -789,6 +791,27 @@ def test_a_rapid_to_the_end_of_an_axis_is_not_compared(tmp_path):
         ("SET_GCODE_OFFSET Z_ADJUST=5", "klipper", False),
         ("SET_GCODE_OFFSET Z=5 MOVE=1", "klipper", True),
         ("SET_VELOCITY_LIMIT X=5", "klipper", True),
+        ("T1", "klipper", False),
+        ("T0 ; again", "klipper", False),
+        ("T1", "marlin", False),
+        ("T1", None, True),
+        ("G92 E0\nT1", None, False),
+        ("M1234", "klipper", False),
+        ("M1234", None, True),
+        ("M600", None, False),
+        ("M25", "marlin", False),
+        ("M0", "klipper", False),
+        ("M0", "marlin", True),
+        ("M204 S500", "klipper", True),
+        ("SET_POSITION", "klipper", False),
+        ("SET_PIN PIN=a", "klipper", True),
+        ("SAVE_GCODE_STATE\nG91\nRESTORE_GCODE_STATE", "klipper", True),
+        ("SAVE_GCODE_STATE\nG92 X7\nRESTORE_GCODE_STATE ; MOVE=1", "klipper", True),
+        ("SAVE_GCODE_STATE\nRESTORE_GCODE_STATE MOVE=1", "klipper", False),
+        ("SAVE_GCODE_STATE\nSET_GCODE_OFFSET Z=1 MOVE=1\nRESTORE_GCODE_STATE", "klipper", False),
+        ("SAVE_GCODE_STATE NAME=a\nRESTORE_GCODE_STATE NAME=A", "klipper", False),
+        ("G92", "klipper", True),
+        ("G92", "marlin", False),
     ],
 )
 def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_compared):
@@ -804,3 +827,46 @@ def test_what_a_controller_may_do_is_not_known(tmp_path, line, firmware, is_comp
         assert (result.moves_not_followed == 0) == is_compared
     if end:
         assert result.path_mm == pytest.approx(60.0 + 10.0)
+
+
+@pytest.mark.parametrize("begin", ["G28 Z", "G28 X Y", "G28 X0"])
+@pytest.mark.parametrize("firmware", ["klipper", "marlin", "reprapfirmware"])
+def test_a_printer_that_homes_one_axis_moves_the_others(tmp_path, begin, firmware):
+    program = written(tmp_path, f"G1 X0 Y0 Z0\n{begin}\nG1 X50 Z5\nG1 Z6\nG1 Y1\nG1 X40\n")
+    result = compare_paths(model(SMALL), program, program, firmware=firmware, home_mm=(0.0, 0.0, 0.0))
+    assert result.moves_not_followed == 2
+    assert result.moves_compared == 1
+    whole = written(tmp_path, f"G1 X0 Y0 Z0\n{begin}\nG28\nG1 X50 Z5\nG1 Z6\n", "whole.gcode")
+    assert compare_paths(model(SMALL), whole, whole, firmware=firmware, home_mm=(0.0, 0.0, 0.0)).moves_compared == 1
+
+
+def test_what_the_user_says_is_still_moves_nothing(tmp_path):
+    program = written(tmp_path, "G1 X0 Y0 Z0\n_on_layer_change Z=1\nM600\nT1\nG1 X50\n")
+    still = ("_ON_LAYER_CHANGE", "m600", "T1")
+    assert compare_paths(model(SMALL), program, program, firmware="klipper", still=still).moves_compared == 1
+    for lacking in still:
+        others = [name for name in still if name != lacking]
+        assert compare_paths(model(SMALL), program, program, firmware="klipper", still=others).moves_compared == 0
+    for wrong in ("G28", "A B", ""):
+        with pytest.raises(GeoerrError, match="still cannot be"):
+            compare_paths(model(SMALL), program, program, still=[wrong])
+
+
+def test_on_the_command_line_macros_are_said_to_be_still(tmp_path):
+    errors = tmp_path / "errors.json"
+    write_errors(errors, wavy().errors)
+    lines = "M83\nG1 X20 Y20 Z5 F3000\n_LAYER\n" + "G1 X30 Y20 E1\nG1 X20 Y20 E1\n" * 2
+    program, output = written(tmp_path, lines), tmp_path / "out.gcode"
+    command = ("compensate", errors, program, "-o", output, "--firmware", "klipper", "--quiet")
+    bare = run(*command)
+    # The program is written, and says of itself that it is none to be trusted with; also where no line of it is read.
+    assert (bare.exit_code, bare.stdout.splitlines()[0]) == (0, "4 of 5 moves are NOT corrected")
+    as_json = run(*command, "--json")
+    assert "4 of 5 moves are NOT corrected" in as_json.stderr
+    assert json.loads(as_json.stdout)["may_move"] == [{"name": "_LAYER", "count": 1}]
+    told = run(*command, "--still", "_layer,BEEP")
+    assert (told.exit_code, "NOT" in told.output) == (0, False)
+    proof = ("verify", "path", errors, program, output, "--firmware", "klipper", "--tolerance", "0.005")
+    assert run(*proof, "--still", "_layer").exit_code == 0
+    assert run(*proof).exit_code == 1
+    assert run(*command, "--still", "G28").exit_code == 1

@@ -108,7 +108,7 @@ impl PyGcodeRewriter {
     #[new]
     #[pyo3(signature = (
         model, *, work_offset_mm, tolerance_mm, digits, home_mm, firmware, passes_unsupported,
-        holds_outside_measured, firmware_corrections_named, range_mm, measured_mm, model_name
+        holds_outside_measured, firmware_corrections_named, still, range_mm, measured_mm, model_name
     ))]
     #[expect(clippy::too_many_arguments, reason = "keywords on the Python side")]
     fn new(
@@ -122,6 +122,7 @@ impl PyGcodeRewriter {
         passes_unsupported: bool,
         holds_outside_measured: bool,
         firmware_corrections_named: bool,
+        still: Vec<String>,
         range_mm: [(f64, f64); 3],
         measured_mm: [(f64, f64); 3],
         model_name: String,
@@ -143,6 +144,7 @@ impl PyGcodeRewriter {
             on_unsupported,
             holds_outside_measured,
             firmware_corrections_named,
+            still: still.into_iter().map(|name| name.to_ascii_uppercase().into_bytes()).collect(),
             range_mm,
             measured_mm,
             model_name,
@@ -198,6 +200,12 @@ impl PyGcodeRewriter {
     fn extremes(&self) -> PyResult<([f64; 3], [f64; 3])> {
         let extremes = self.lock()?.extremes();
         Ok((extremes.shortest_stroke_mm, extremes.fastest_mm_s))
+    }
+
+    /// Commands that may move the machine, each with on how many lines it was met, and on how many lines others were.
+    fn movers(&self) -> PyResult<(Vec<(String, u64)>, u64)> {
+        let rewriter = self.lock()?;
+        Ok((rewriter.movers().names().to_vec(), rewriter.movers().others()))
     }
 
     /// Warnings so far, in the order of their first lines.

@@ -19,6 +19,7 @@ from geoerr.cli.program_options import (
     OnUnsupported,
     OutsideMeasured,
     OutsideMeasuredChoice,
+    Still,
     Tolerance,
     UnsupportedChoice,
     WorkOffset,
@@ -60,6 +61,7 @@ def compensate(
     home: Home = None,
     firmware: Firmware = None,
     firmware_corrects: FirmwareCorrects = None,
+    still: Still = None,
     keep_uncertain: KeepUncertain = False,
     extrapolate: Extrapolate = False,
     as_json: JsonFlag = False,
@@ -83,6 +85,7 @@ def compensate(
         home=home,
         firmware=firmware,
         firmware_corrects=firmware_corrects,
+        still=still,
         keep_uncertain=keep_uncertain,
         extrapolate=extrapolate,
     )
@@ -108,6 +111,9 @@ def compensate(
         note(f"note: {sentence}", quiet)
     if result.why_nothing_corrected:
         note(f"warning: {result.why_nothing_corrected}", quiet)
+    if result.mostly_untouched and (as_json or str(output) == "-"):
+        # Elsewhere it is the first line of the result; such a program must not pass for a corrected one.
+        note(f"warning: {result.mostly_untouched}", quiet=False)
     if as_json:
         provenance = provenance_of_command([model, program])
         print_json({**result.to_document(), "provenance": provenance.to_document()})
@@ -119,6 +125,7 @@ def compensate(
 
 def _report(result: CompensationResult) -> str:
     lines = [
+        *([result.mostly_untouched] if result.mostly_untouched else []),
         f"{result.moves_in} moves in {result.lines} lines, {result.moves_out} moves written",
         f"largest correction {result.largest_correction_um:.1f} µm"
         + (f", line {result.largest_correction_line}" if result.largest_correction_line else ""),

@@ -23,6 +23,7 @@ from geoerr.cli.program_options import (
     OnUnsupported,
     OutsideMeasured,
     OutsideMeasuredChoice,
+    Still,
     Tolerance,
     UnsupportedChoice,
     WorkOffset,
@@ -94,6 +95,7 @@ def farm(
     home: Home = None,
     firmware: Firmware = None,
     firmware_corrects: FirmwareCorrects = None,
+    still: Still = None,
     keep_uncertain: KeepUncertain = False,
     extrapolate: Extrapolate = False,
     scheduler: Annotated[
@@ -125,6 +127,7 @@ def farm(
             home=home,
             firmware=firmware,
             firmware_corrects=firmware_corrects,
+            still=still,
             keep_uncertain=keep_uncertain,
             extrapolate=extrapolate,
         ),

@@ -79,7 +79,15 @@ FirmwareCorrects = Annotated[
         "--firmware-corrects",
         metavar="LIST",
         help="Errors that the firmware corrects itself, not to be corrected twice: names (EC0Y) and groups"
-        " (squareness, straightness, positioning, angular), with commas.",
+        " (squareness, straightness, positioning, angular, pitch-yaw, roll, bed-mesh), with commas.",
+    ),
+]
+Still = Annotated[
+    str | None,
+    typer.Option(
+        "--still",
+        metavar="NAME,NAME",
+        help="Macros and codes that neither move the machine nor change its modes, such as _ON_LAYER_CHANGE, M600.",
     ),
 ]
 KeepUncertain = Annotated[
@@ -113,6 +121,7 @@ def compensation_options(
     home: str | None,
     firmware: FirmwareName | None,
     firmware_corrects: str | None,
+    still: str | None,
     keep_uncertain: bool,
     extrapolate: bool,
 ) -> CompensationOptions:
@@ -126,6 +135,7 @@ def compensation_options(
         home_mm=told_triple(home, "--home"),
         firmware=None if firmware is None else firmware.value,
         firmware_corrects=names(firmware_corrects),
+        still=names(still),
         on_unsupported=on_unsupported.value,
         outside_measured=outside_measured.value,
         keeps_uncertain=keep_uncertain,

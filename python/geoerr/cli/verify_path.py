@@ -16,6 +16,7 @@ from geoerr.cli.program_options import (
     FirmwareName,
     Home,
     KeepUncertain,
+    Still,
     WorkOffset,
     followed_conditions,
     names,
@@ -51,6 +52,7 @@ def path(
     home: Home = None,
     firmware: Firmware = None,
     firmware_corrects: FirmwareCorrects = None,
+    still: Still = None,
     keep_uncertain: KeepUncertain = False,
     tolerance: Annotated[
         float | None,
@@ -100,6 +102,7 @@ def path(
             work_offset_mm=told_triple(work_offset, "--work-offset"),
             home_mm=told_triple(home, "--home"),
             firmware=None if firmware is None else firmware.value,
+            still=names(still),
             threads=threads,
             on_progress=lambda n_lines: advance(n_lines, n_lines),
         )
@@ -217,7 +220,8 @@ def _untouched(result: PathResult, most: int, begin: str) -> _Problems:
     if result.moves_not_followed > most:
         yield (
             _not_followed(result),
-            f"{begin}{begin and '; '}give X, Y and Z before the first cut, write arcs and cycles as straight moves,"
+            f"{begin}{begin and '; '}give X, Y and Z before the first cut, name the macros that do not move the"
+            " machine (--still), write arcs and cycles as straight moves,"
             f" or allow what is left: --allow-untouched {result.moves_not_followed}",
         )
 

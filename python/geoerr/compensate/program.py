@@ -8,14 +8,14 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import IO, Any, Literal, get_args
 
 import numpy as np
 
 from geoerr import _core
-from geoerr.arguments import check_choice, check_threads
+from geoerr.arguments import check_choice, check_still, check_threads
 from geoerr.compensate.benefit import Benefit, benefit_of, uncertain_tables
 from geoerr.compensate.motion_notes import motion_notes
 from geoerr.errors import GcodeError, GeoerrError, InputFileError
@@ -44,6 +44,9 @@ OutsideMeasured = Literal["refuse", "hold"]
 # What is read at a time: with the block that is being written, a few times this is all the memory that is used.
 CHUNK_BYTES = 1 << 20
 
+# Commands that may move the machine, by name, in the warning of them.
+_MOVERS_SHOWN = 20
+
 # The core counts extruded length in units of 1e-18 mm, so that sums are exact.
 _EXTRUSION_UNITS_PER_MM = 10**18
 
@@ -68,6 +71,8 @@ class CompensationOptions:
         Who will run the program; only needed where firmwares read a program differently.
     firmware_corrects
         Errors (ISO names or groups, as in `Model.without`) that the firmware corrects itself.
+    still
+        Names of macros and codes that neither move the machine nor change its modes; capitals do not matter.
     on_unsupported
         Refuse a program with a line that is not corrected, or pass such lines through untouched with a warning.
     outside_measured
@@ -90,6 +95,7 @@ class CompensationOptions:
     home_mm: Triple | None = None
     firmware: Firmware | None = None
     firmware_corrects: tuple[str, ...] = ()
+    still: tuple[str, ...] = ()
     on_unsupported: OnUnsupported = "refuse"
     outside_measured: OutsideMeasured = "refuse"
     keeps_uncertain: bool = False
@@ -104,6 +110,7 @@ class CompensationOptions:
             check_choice("firmware", self.firmware, get_args(Firmware))
         check_choice("on_unsupported", self.on_unsupported, get_args(OnUnsupported))
         check_choice("outside_measured", self.outside_measured, get_args(OutsideMeasured))
+        check_still(self.still)
         if not isinstance(self.digits, int) or not 1 <= self.digits <= 9:
             raise GeoerrError(f"digits is {self.digits!r}\nhint: write a whole number from 1 to 9")
 
@@ -134,6 +141,18 @@ class ProgramWarning:
         """Give it as one sentence for a terminal."""
         more = f" (and {self.count - 1} more)" if self.count > 1 else ""
         return f"line {self.line}{more}: {self.text}: {self.explanation}"
+
+
+@dataclass(frozen=True)
+class MayMove:
+    """A command that may move the machine: its name, in capitals, and on how many lines it was met."""
+
+    name: str
+    count: int
+
+    def __str__(self) -> str:
+        """Give it as a part of a sentence."""
+        return self.name if self.count == 1 else f"{self.name} ({self.count} times)"
 
 
 @dataclass(frozen=True)
@@ -168,6 +187,9 @@ class CompensationResult:
         Errors of the 21 that a fitted model does not have: nothing of them is corrected, nor in `correction_std_um`.
     extrapolated
         Conditions outside what the model was fitted to.
+    may_move
+        Commands behind which nothing is known of the place, in the order in which they were first met; the first
+        hundred.
     warnings
         One for each kind.
     notes
@@ -192,8 +214,22 @@ class CompensationResult:
     uncertain_left_out: tuple[UncertainTerm, ...]
     not_in_model: tuple[str, ...]
     extrapolated: tuple[Extrapolated, ...]
+    may_move: tuple[MayMove, ...]
     warnings: tuple[ProgramWarning, ...]
     notes: tuple[str, ...]
+
+    @property
+    def mostly_untouched(self) -> str | None:
+        """What is to be said first of a program of which more than half is as it was; None of others."""
+        n_untouched = self.moves_in - self.moves_corrected
+        if 2 * n_untouched > self.moves_in:
+            verb = "is" if n_untouched == 1 else "are"
+            return f"{n_untouched} of {counted(self.moves_in, 'move')} {verb} NOT corrected"
+        if 2 * self.lines_not_followed > self.lines:
+            return (
+                f"{self.lines_not_followed} of {counted(self.lines, 'line')} cannot be followed and are NOT corrected"
+            )
+        return None
 
     @property
     def untouched(self) -> str:
@@ -225,6 +261,7 @@ class CompensationResult:
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""
         document = {name: list(value) if isinstance(value, tuple) else value for name, value in vars(self).items()}
+        document["may_move"] = [vars(command) for command in self.may_move]
         document["warnings"] = [vars(warning) for warning in self.warnings]
         document["uncertain_left_out"] = [vars(term) for term in self.uncertain_left_out]
         document["extrapolated"] = [
@@ -374,6 +411,7 @@ def _job(model: Model, options: CompensationOptions, model_name: str, at: Condit
         passes_unsupported=options.on_unsupported == "pass" or corrected.is_nominal,
         holds_outside_measured=options.outside_measured == "hold",
         firmware_corrections_named=bool(options.firmware_corrects),
+        still=list(options.still),
         range_mm=[model.machine.axes[axis].range_mm for axis in AXES],
         measured_mm=[measured[axis] or (-np.inf, np.inf) for axis in AXES],
         model_name=model_name,
@@ -488,8 +526,24 @@ def _result(job: _Job, threads: int) -> CompensationResult:
         uncertain_left_out=job.uncertain,
         not_in_model=job.not_in_model,
         extrapolated=job.extrapolated,
-        warnings=tuple(ProgramWarning(*row) for row in job.rewriter.warnings()),
+        may_move=tuple(MayMove(*row) for row in job.rewriter.movers()[0]),
+        warnings=_warnings(job),
         notes=_notes(job, benefit, left_out),
+    )
+
+
+def _warnings(job: _Job) -> tuple[ProgramWarning, ...]:
+    """Give the warnings; that of commands which may move the machine names them."""
+    names, n_others = job.rewriter.movers()
+    shown = ", ".join(str(MayMove(*row)) for row in names[:_MOVERS_SHOWN])
+    n_more = len(names) - _MOVERS_SHOWN
+    more = f" and {n_more}{' or more' if n_others else ''} more" if n_more > 0 else ""
+    warnings = (ProgramWarning(*row) for row in job.rewriter.warnings())
+    return tuple(
+        replace(warning, explanation=f"{warning.explanation}; here {shown}{more}")
+        if warning.kind == "may-move"
+        else warning
+        for warning in warnings
     )
 
 

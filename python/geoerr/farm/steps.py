@@ -193,10 +193,11 @@ def _compensate(bench: Bench) -> list[StepResult]:
     )
     corrected.replace(source)
     why_nothing = done.why_nothing_corrected
+    first = why_nothing or done.mostly_untouched
     says = f"{done.moves_in} moves, largest correction {done.largest_correction_um:.1f} µm"
     extrapolated = [str(one) for one in done.extrapolated]
     notes = (
-        *(f"{WARNING}{said}" for said in (*([why_nothing] if why_nothing else []), *done.warnings, *extrapolated)),
+        *(f"{WARNING}{said}" for said in (*([first] if first else []), *done.warnings, *extrapolated)),
         *(said for said in done.notes if said not in extrapolated),
     )
     return bench.result("compensate", NOTHING_CORRECTED if why_nothing else says, bench.program, notes=notes)

@@ -13,4 +13,6 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "pitch-yaw": tuple(n for n in LINEAR_AND_ANGULAR if is_angular(n) and n not in ROLL),
     "roll": ROLL,
     "squareness": SQUARENESS,
+    # What a firmware that probes the bed takes out: heights along X and along Y.
+    "bed-mesh": ("EZX", "EZY"),
 }

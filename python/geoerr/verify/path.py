@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from geoerr.arguments import check_choice, check_threads
+from geoerr.arguments import check_choice, check_still, check_threads
 from geoerr.errors import GeoerrError
 from geoerr.machine import AXES
 from geoerr.model import Model
@@ -147,6 +147,7 @@ def compare_paths(
     work_offset_mm: Triple | None = None,
     home_mm: Triple | None = None,
     firmware: str | None = None,
+    still: Sequence[str] = (),
     sample_step_mm: float = 0.5,
     threads: int = 0,
     on_progress: Callable[[int], None] | None = None,
@@ -163,7 +164,7 @@ def compare_paths(
     at
         Conditions by name, as they were given when the program was corrected. Direction, travel and speed are those
         of the moves of `before`.
-    work_offset_mm, home_mm, firmware
+    work_offset_mm, home_mm, firmware, still
         As they were given when the program was corrected.
     sample_step_mm
         Largest distance of neighbouring samples; every piece has five at least.
@@ -191,13 +192,14 @@ def compare_paths(
     """
     check_model(model, (before, after), "compare_paths(model, before, after)")
     _check_arguments(work_offset_mm, home_mm, firmware, sample_step_mm, threads)
+    check_still(still)
     machine = ProgramMachine(model, at, threads)
     options = work_offset_mm, home_mm, firmware
     ranges_mm = [model.machine.axes[axis].range_mm for axis in AXES]
     # How a place is come to is the program's, not the correction's.
     windups = machine.windups if machine.follows_motion else None
-    reader_in = ProgramReader(before, *options, windups=windups, ranges_mm=ranges_mm)
-    reader_out = ProgramReader(after, *options, windups=None, ranges_mm=ranges_mm)
+    reader_in = ProgramReader(before, *options, windups=windups, ranges_mm=ranges_mm, still=still)
+    reader_out = ProgramReader(after, *options, windups=None, ranges_mm=ranges_mm, still=still)
     in_figures, out_figures = _Figures(), _Figures()
     tally = Tally()
     for batch in _batches(paired_runs(reader_in, reader_out)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,7 @@ def trace_paths(
     work_offset_mm: Triple | None = None,
     home_mm: Triple | None = None,
     firmware: str | None = None,
+    still: Sequence[str] = (),
     sample_step_mm: float = 0.5,
     threads: int = 0,
 ) -> PathTrace:
@@ -85,6 +87,7 @@ def trace_paths(
         work_offset_mm=work_offset_mm,
         home_mm=home_mm,
         firmware=firmware,
+        still=still,
         sample_step_mm=sample_step_mm,
         threads=threads,
         on_samples=samples.append,

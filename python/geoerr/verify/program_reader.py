@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeGuard
 
@@ -18,6 +18,7 @@ from geoerr.files import refusing_unreadable
 from geoerr.model.arrays import Triple
 from geoerr.verify.program_motion import Course, Past
 from geoerr.verify.program_words import Kind, Statement, read_statement
+from geoerr.verify.still_commands import may_code_move
 
 Place = tuple[float | None, float | None, float | None]
 Motion = Literal["straight", "ends at its words", "ends somewhere", "none"]
@@ -187,14 +188,12 @@ class _Extruder:
         self.is_lost = False
         self._settle([self._units(word)])
 
-    def place(self) -> tuple[list[int], bool]:
-        """Give where it stands, for `put`."""
-        return list(self.positions), self.is_lost
-
-    def put(self, place: tuple[list[int], bool]) -> None:
-        """Take up where it stood."""
-        positions, self.is_lost = place
-        self._settle(list(positions))
+    def take_up(self, kept: _Extruder) -> None:
+        """Read E as when a state was kept, and count from where it stood then."""
+        self.axes_relative, self.own_relative, self.last_relative = kept.reads_as()
+        self.is_lost = kept.is_lost
+        self._read()
+        self._settle(list(kept.positions))
 
     def move(self, word: float | None) -> tuple[int, Reading]:
         """Give what E extrudes, and whether all read it alike: as a position or an increment, from the same place."""
@@ -285,6 +284,19 @@ class _Modes:
         return self.unit_mm, self.is_relative, self.system
 
 
+class _State(NamedTuple):
+    """What Klipper keeps with SAVE_GCODE_STATE."""
+
+    read_as: tuple[float, bool, int]
+    shift: Place
+    shifted: list[bool]
+    extruder: _Extruder
+    feed_mm_min: float
+    feed_override: float
+    n_offsets: int
+    place: Place
+
+
 class ProgramReader:
     """Follows a program line by line.
 
@@ -302,6 +314,8 @@ class ProgramReader:
         Axis and length of each wind-up of the machine, as of `Past`; None to follow no motion.
     ranges_mm
         Ends of each axis; None: not known.
+    still
+        Names of macros and codes that neither move the machine nor change its modes; capitals do not matter.
 
     Attributes
     ----------
@@ -323,8 +337,10 @@ class ProgramReader:
         firmware: str | None = None,
         windups: Sequence[tuple[int, float]] | None = (),
         ranges_mm: Sequence[tuple[float, float]] | None = None,
+        still: Sequence[str] = (),
     ) -> None:
         self.path = Path(path)
+        self._still = frozenset(name.upper().encode() for name in still)
         self.n_lines = 0
         self.n_moves = 0
         self.n_not_followed = self.first_not_followed = 0
@@ -352,8 +368,9 @@ class ProgramReader:
         self._is_lost = False
         # What held where a branch of a printer began.
         self._branches: list[tuple[object, ...]] = []
-        # What held where it was kept under a name, and where the extruder stood.
-        self._kept: dict[bytes, tuple[tuple[object, ...], tuple[list[int], bool]]] = {}
+        # What held where it was kept under a name, and how often the firmware's own offset has been set.
+        self._kept: dict[bytes, _State] = {}
+        self._n_offsets = 0
 
     @property
     def extrusion(self) -> int:
@@ -383,7 +400,7 @@ class ProgramReader:
         if self._n_tape_marks >= 2:
             return None
         if self._is_lost:
-            statement = read_statement(body, is_for_printer=self._firmware is not None)
+            statement = self._statement(body)
             if any(letter in (statement.words or {}) for letter in _LETTERS):
                 self._pass_over()
             return None
@@ -391,7 +408,10 @@ class ProgramReader:
         modes = self._modes
         if plain is not None and not (modes.transforms or modes.is_inverse_time or modes.has_lost_length):
             return self._plain_move(plain)
-        return self._take(read_statement(body, is_for_printer=self._firmware is not None))
+        return self._take(self._statement(body))
+
+    def _statement(self, body: bytes) -> Statement:
+        return read_statement(body, is_for_printer=self._firmware is not None, still=self._still)
 
     def _take(self, statement: Statement) -> Move | None:
         if self._is_lost_by(statement):
@@ -418,25 +438,54 @@ class ProgramReader:
     def _named(self, statement: Statement) -> None:
         """Take over a command of Klipper's that changes, keeps, or takes up again how words are read."""
         if statement.kind is Kind.OFFSET:
+            self._n_offsets += 1
             self._forget_named(statement.words or {})
-            return
-        if statement.kind is Kind.SAVE:
-            self._kept[statement.state] = (self._holding(), self._extruder.place())
-            return
-        holds, place = self._holding(), None
-        if statement.kind is Kind.RESTORE:
-            kept, place = self._kept.get(statement.state, (None, None))
-            if kept != holds:
-                self._lose()
-        self._forget()
-        if place is None:
-            self._extruder.is_lost = True
+        elif statement.kind is Kind.SAVE:
+            self._kept[statement.state] = self._state()
+        elif statement.kind is Kind.RESTORE:
+            self._restore(self._kept.get(statement.state), moves_back=statement.moves_back)
         else:
-            self._extruder.put(place)
+            self._extruder.is_lost = True
+            if not statement.is_told_still:
+                self._forget()
+
+    def _state(self) -> _State:
+        modes = self._modes
+        extruder = replace(self._extruder)
+        extruder.positions, extruder.relative = list(self._extruder.positions), list(self._extruder.relative)
+        return _State(
+            modes.read_as(),
+            self._shift,
+            list(self._shifted),
+            extruder,
+            modes.feed_mm_min,
+            modes.feed_override,
+            self._n_offsets,
+            self._place,
+        )
+
+    def _restore(self, state: _State | None, *, moves_back: bool) -> None:
+        """Take up what was kept, as `cmd_RESTORE_GCODE_STATE` of Klipper's `gcode_move.py` does."""
+        modes = self._modes
+        if state is None or (modes.unit_mm, modes.system) != (state.read_as[0], state.read_as[2]):
+            self._lose()
+            return
+        modes.is_relative = state.read_as[1]
+        modes.feed_mm_min, modes.feed_override = state.feed_mm_min, state.feed_override
+        self._extruder.take_up(state.extruder)
+        self._shift, self._shifted = state.shift, list(state.shifted)
+        self._find_zero()
+        if moves_back or state.n_offsets != self._n_offsets:
+            # The firmware's own offset, which nobody follows, is taken up too: what rests is elsewhere for words.
+            self._forget()
+        if moves_back:
+            self._place = state.place
 
     def _m_line(self, statement: Statement) -> None:
-        self._m_code(statement.m_codes[0])
-        if statement.m_codes[0] == 220.0:
+        code = statement.m_codes[0]
+        if not (statement.is_told_still and code in (48.0, 125.0)):
+            self._m_code(code)
+        if code == 220.0:
             self._override_feed(statement.words or {})
         # Machine tools have no words of temperatures there.
         self._is_printers |= _heats(statement)
@@ -446,6 +495,8 @@ class ProgramReader:
         if statement.m_codes[0] in (206.0, 428.0):
             # The zero moves, and no axis does.
             self._forget_named(dict.fromkeys(_LETTERS) if statement.m_codes[0] == 428.0 else statement.words or {})
+        if not statement.is_told_still and may_code_move(code, self._firmware, is_printers=self._is_printers):
+            self._forget()
 
     def _is_lost_by(self, statement: Statement) -> bool:
         """Lose track, or the place, by a line that says what nobody knows; tell whether it is one."""
@@ -549,6 +600,8 @@ class ProgramReader:
     def _take_tool(self, statement: Statement, words: dict[bytes, float | None]) -> None:
         """Take over the tool of a line; another one than that of the D that holds has another length."""
         modes, named = self._modes, words.get(b"T")
+        if self._moves_by_tool(statement, named) and not statement.is_told_still:
+            self._forget()
         if named is not None:
             before, modes.tool = modes.tool, self._number_of(named)
             # Programs begin with the tool 0, if they name none.
@@ -561,6 +614,15 @@ class ProgramReader:
             modes.has_changed_tool, modes.changed_tool = True, self._named_tool()
         if self._counts_edges() and modes.tool_edge is not None and modes.tool_edge[1] != self._tool_in_use():
             modes.has_lost_length = True
+
+    def _moves_by_tool(self, statement: Statement, named: float | None) -> bool:
+        """Tell whether a T may move a printer: to Klipper each is a macro, to others one that chooses another tool.
+
+        Of the first nobody knows whether it does.
+        """
+        if self._firmware in ("marlin", "reprapfirmware"):
+            return named is not None and self._modes.tool != float(math.floor(max(named, 0.0)))
+        return self._is_printers and statement.begins_with_tool
 
     def _tool_in_use(self) -> float | None:
         return self._modes.changed_tool if self._modes.has_changed_tool else self._named_tool()
@@ -874,6 +936,9 @@ class ProgramReader:
         return code in _SHIFTS and not (ends and not any(self._shifted))
 
     def _shift_zero(self, words: dict[bytes, float | None]) -> None:
+        if not words and self._firmware == "klipper":
+            # All that it has is 0 here.
+            words = dict.fromkeys((*_LETTERS, b"E"), 0.0)
         if not words or not _has_numbers(words):
             self._lose_zero()
             return
@@ -931,6 +996,10 @@ class ProgramReader:
         home_mm = self._home_mm if is_sure and self._zero_is_told() else None
         # Where the machine is tells nothing of words that count from another zero.
         self.lacks_zero |= self._home_mm is not None and not self._zero_is_told()
+        # A printer that homes one axis moves the others, too: to where Z is probed, or up.
+        is_part = any(named) and not all(named) and self._is_printers
+        if is_part:
+            home_mm, place = None, [None] * 3
         for axis in range(3):
             if named[axis] or not any(named):
                 place[axis] = None if home_mm is None else home_mm[axis]
@@ -938,7 +1007,7 @@ class ProgramReader:
                     shift[axis] = 0.0
                     self._shifted[axis] = False
         self._place = (place[0], place[1], place[2])
-        self._forget_past([name or not any(named) for name in named])
+        self._forget_past([name or is_part or not any(named) for name in named])
         self._shift = (shift[0], shift[1], shift[2])
         self._is_on_path = False
 

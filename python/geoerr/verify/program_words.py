@@ -10,6 +10,8 @@ import zlib
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from geoerr.verify.still_commands import command_name, is_still_name
+
 # `/`, or `/1` to `/9`, before a line's number or behind it.
 _BEGIN = re.compile(rb"\s*(/\s*\d?)?\s*(?:[Nn]\s*\d+(?:\.\d*)?\s*(/\s*\d?)?)?\s*")
 _COMMENT = re.compile(rb"\([^)]*\)|;.*")
@@ -68,13 +70,6 @@ _FRAME_OR_TOOL = re.compile(rb"\$(?:P_\w*FR|TC_)", re.IGNORECASE)
 # `O1234 (PART)`: the number of a program, or where a subprogram begins.
 _PROGRAM_NUMBER = re.compile(rb"[oO]\s*\d+\s*(?:[(;].*)?$")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-# Named commands that, by Klipper's and RepRapFirmware's manuals, leave the machine where it is.
-_STILL_NAMES = re.compile(
-    rb"var|global|set|echo|SET_(?!KINEMATIC_POSITION$|DUAL_CARRIAGE$)\w*|QUERY_\w*|EXCLUDE_OBJECT\w*|RESPOND|STATUS"
-    rb"|GET_POSITION|TURN_OFF_HEATERS|TEMPERATURE_WAIT|UPDATE_DELAYED_GCODE|SAVE_VARIABLE"
-    rb"|SYNC_EXTRUDER_MOTION|SKEW_PROFILE|BED_MESH_(?:PROFILE|CLEAR|OFFSET|OUTPUT|MAP)",
-    re.IGNORECASE,
-)
 
 
 class Kind(Enum):
@@ -90,7 +85,7 @@ class Kind(Enum):
     OFFSET = "moves the program's zero along some axes, and not them"
     EXTRUDER = "chooses another extruder, and may move the machine anywhere"
     SAVE = "keeps modes and zeros under a name"
-    RESTORE = "takes up again what was kept, and may move the machine anywhere"
+    RESTORE = "takes up again what was kept"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +114,12 @@ class Statement:
         Whether it begins with an L and a number: outside of a cycle the call of a subprogram, `L100 P3`.
     state
         Name of what is kept or taken up again.
+    moves_back
+        Whether the machine goes where it was when that was kept.
+    begins_with_tool
+        Whether it begins with a T.
+    is_told_still
+        Whether the user says that its command neither moves the machine nor changes its modes.
     """
 
     kind: Kind
@@ -131,6 +132,9 @@ class Statement:
     has_checksum: bool = False
     calls: bool = False
     state: bytes = b""
+    moves_back: bool = False
+    begins_with_tool: bool = False
+    is_told_still: bool = False
 
 
 # Klipper's, and how it names what is kept.
@@ -141,8 +145,8 @@ _STATE_NAMES = {
 }
 # Axes whose zero it moves, and whether it moves them, too.
 _OFFSET_AXES = re.compile(rb"(?<=\s)([XYZ])(?:_ADJUST)?=")
-_MOVED = re.compile(rb"(?<=\s)MOVE=(\S)")
-_STATE_NAME = re.compile(rb"(?<=\s)NAME=(\S*)")
+_MOVED = re.compile(rb"(?<=\s)MOVE=(\S)", re.IGNORECASE)
+_STATE_NAME = re.compile(rb"(?<=\s)NAME=(?:\"([^\"\s]*)\"(?=\s|$)|(\S*))", re.IGNORECASE)
 
 _STILL = Statement(Kind.STILL)
 _ANYWHERE = Statement(Kind.ANYWHERE)
@@ -151,9 +155,22 @@ _TAPE = Statement(Kind.TAPE)
 _NUMBER = Statement(Kind.NUMBER)
 
 
-def read_statement(body: bytes, *, is_for_printer: bool = False) -> Statement:
-    """Take a line (without its end) apart, as a printer's firmware reads it or as any controller may."""
+def read_statement(body: bytes, *, is_for_printer: bool = False, still: frozenset[bytes] = frozenset()) -> Statement:
+    """Take a line (without its end) apart, as a printer's firmware reads it or as any controller may.
+
+    Parameters
+    ----------
+    still
+        Names of commands, in capitals, of which the user says that they do not move the machine.
+    """
     body = body.removeprefix(_BYTE_ORDER_MARK)
+    statement = _read(body, is_for_printer=is_for_printer)
+    if still and command_name(body) in still:
+        return _STILL if statement.kind is Kind.ANYWHERE else replace(statement, is_told_still=True)
+    return statement
+
+
+def _read(body: bytes, *, is_for_printer: bool) -> Statement:
     begin = _BEGIN.match(body)
     is_skipped = begin is not None and (begin.group(1) is not None or begin.group(2) is not None)
     rest = body if begin is None else body[begin.end() :]
@@ -178,11 +195,13 @@ def _named(name: bytes, rest: bytes) -> Statement:
         axes = () if moved is not None and moved.group(1) != b"0" else _OFFSET_AXES.findall(rest.upper())
         return Statement(Kind.OFFSET, words=dict.fromkeys(axes))
     if kind is not None:
-        told = _STATE_NAME.search(rest.upper())
-        return Statement(kind, state=b"DEFAULT" if told is None else told.group(1))
+        words = re.split(rb"[;#]", rest)[0]
+        told, moved = _STATE_NAME.search(words), _MOVED.search(words)
+        state = b"default" if told is None else told.group(2) if told.group(1) is None else told.group(1)
+        return Statement(kind, state=state, moves_back=moved is not None and moved.group(1) != b"0")
     if _BRANCHING_NAMES.fullmatch(name) or _TRANSFORMING_NAMES.fullmatch(name):
         return _BRANCH
-    return _STILL if _STILL_NAMES.fullmatch(name) else _ANYWHERE
+    return _STILL if is_still_name(name) else _ANYWHERE
 
 
 def _without_assignments(text: bytes) -> bytes:
@@ -197,14 +216,22 @@ def _without_assignments(text: bytes) -> bytes:
     return _ASSIGNED.sub(plain, text)
 
 
+def _without_words(rest: bytes, *, is_for_printer: bool) -> Statement | None:
+    """Read an M code that calls something, or behind which text stands; None where words do."""
+    first = _WORD.match(rest)
+    code = int(float(first.group(2))) if first is not None and first.group(2) else -1
+    if code in _BRANCHING_CODES:
+        return _BRANCH
+    if code in _TEXT_CODES:
+        return _STILL
+    is_text = is_for_printer and code in _TEXT_OF_PRINTERS
+    return Statement(Kind.M_CODE, m_codes=(float(code),), words={}) if is_text else None
+
+
 def _worded(rest: bytes, is_skipped: bool, *, is_for_printer: bool) -> Statement:
-    if rest[:1] in b"mM":
-        first = _WORD.match(rest)
-        code = int(float(first.group(2))) if first is not None and first.group(2) else -1
-        if code in _BRANCHING_CODES:
-            return _BRANCH
-        if code in _TEXT_CODES or (is_for_printer and code in _TEXT_OF_PRINTERS):
-            return _STILL
+    without_words = _without_words(rest, is_for_printer=is_for_printer) if rest[:1] in b"mM" else None
+    if without_words is not None:
+        return without_words
     if b"=" in rest and not is_for_printer:
         rest = _without_assignments(rest)
     text, has_checksum = rest, False
@@ -270,4 +297,14 @@ def _sorted(pairs: list[tuple[bytes, bytes]], *, is_readable: bool) -> Statement
     if begins_with_m and not codes and m_codes[0] not in _MACHINING_CODES:
         kind = Kind.M_CODE
     calls = bool(pairs) and pairs[0][0] in b"lL" and bool(pairs[0][1])
-    return Statement(kind, tuple(codes), tuple(m_codes), words, is_readable, is_single, calls=calls)
+    begins_with_tool = bool(pairs) and pairs[0][0] in b"tT"
+    return Statement(
+        kind,
+        tuple(codes),
+        tuple(m_codes),
+        words,
+        is_readable,
+        is_single,
+        calls=calls,
+        begins_with_tool=begins_with_tool,
+    )

@@ -1,5 +1,6 @@
 //! G codes by what they mean for a machine's path, and the macros that are known not to move it.
 
+use super::still::is_still_name;
 use super::unsupported::Unsupported;
 
 /// Meaning of a G code. Numbers are ten times the code: 92.1 is 921.
@@ -252,28 +253,18 @@ impl Macro {
         }
         let name = name.to_ascii_uppercase();
         match name.as_slice() {
-            b"SET_SKEW" | b"SKEW_PROFILE" | b"BED_MESH_PROFILE" | b"BED_MESH_CLEAR" | b"BED_MESH_OFFSET" => {
-                Self::FirmwareCorrection
-            }
-            b"BED_MESH_OUTPUT" | b"BED_MESH_MAP" => Self::Harmless,
+            _ if is_still_name(&name) => Self::Harmless,
+            b"SET_SKEW"
+            | b"SKEW_PROFILE"
+            | b"BED_MESH_PROFILE"
+            | b"BED_MESH_OFFSET"
+            | b"SET_Z_THERMAL_ADJUST" => Self::FirmwareCorrection,
             _ if name.starts_with(b"BED_MESH_") => Self::MeasuresBed,
             b"SET_GCODE_OFFSET" => Self::MovesZero,
             _ if is_transformation(&name) => Self::Transforms,
             b"SAVE_GCODE_STATE" => Self::SavesState,
             b"RESTORE_GCODE_STATE" => Self::RestoresState,
             b"ACTIVATE_EXTRUDER" => Self::OtherExtruder,
-            b"SET_KINEMATIC_POSITION" | b"SET_DUAL_CARRIAGE" => Self::Unknown,
-            b"RESPOND"
-            | b"STATUS"
-            | b"GET_POSITION"
-            | b"TURN_OFF_HEATERS"
-            | b"TEMPERATURE_WAIT"
-            | b"UPDATE_DELAYED_GCODE"
-            | b"SAVE_VARIABLE"
-            | b"SYNC_EXTRUDER_MOTION" => Self::Harmless,
-            _ if [b"SET_".as_slice(), b"QUERY_", b"EXCLUDE_OBJECT"].iter().any(|p| name.starts_with(p)) => {
-                Self::Harmless
-            }
             _ => Self::Unknown,
         }
     }
@@ -304,6 +295,12 @@ mod tests {
     fn macros() {
         assert_eq!(Macro::of(b"SET_PRINT_STATS_INFO"), Macro::Harmless);
         assert_eq!(Macro::of(b"set_gcode_offset"), Macro::MovesZero);
+        for name in
+            [b"SET_POSITION".as_slice(), b"SET_HOME", b"SET_UP_PRINT", b"QUERY_PARK", b"SET_DUAL_CARRIAGE"]
+        {
+            assert_eq!(Macro::of(name), Macro::Unknown, "{}", String::from_utf8_lossy(name));
+        }
+        assert_eq!(Macro::of(b"BED_MESH_CLEAR"), Macro::Harmless);
         assert_eq!(Macro::of(b"BED_MESH_CALIBRATE"), Macro::MeasuresBed);
         assert_eq!(Macro::of(b"START_PRINT"), Macro::Unknown);
         assert_eq!(Macro::of(b"while"), Macro::FlowControl);

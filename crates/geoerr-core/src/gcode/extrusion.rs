@@ -117,8 +117,12 @@ impl Extrusion {
         self.agree();
     }
 
-    /// The position is what it was when another state was kept.
-    pub fn take_position_of(&mut self, kept: &Self) {
+    /// Modes and position are what they were when a state was kept: what was extruded since counts from there
+    /// (Klipper's `cmd_RESTORE_GCODE_STATE`).
+    pub fn take_up(&mut self, kept: &Self) {
+        self.axes_relative = kept.axes_relative;
+        self.extruder_relative = kept.extruder_relative;
+        self.last_relative = kept.last_relative;
         self.readings = kept.readings;
         self.is_lost = kept.is_lost;
         self.agree();

@@ -56,6 +56,23 @@ pub enum Place {
     Move(Motion),
 }
 
+/// A state that is kept, or taken up again, by its number.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum Kept {
+    /// None is.
+    #[default]
+    No,
+    /// Place and shift are kept under this number.
+    Keep(usize),
+    /// The shift that was kept holds again.
+    TakeUp {
+        /// Its number.
+        number: usize,
+        /// The machine goes where it was then.
+        moves: bool,
+    },
+}
+
 /// What a line that is not rewritten does.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct Effects {
@@ -65,6 +82,34 @@ pub struct Effects {
     pub shift: Shift,
     /// To the machine's place.
     pub place: Place,
+    /// Happens last.
+    pub kept: Kept,
+}
+
+/// Places and shifts that were kept, by their numbers.
+#[derive(Debug, Default)]
+pub struct KeptFrames(Vec<Frame>);
+
+impl KeptFrames {
+    /// Keeps a frame, or takes one up again.
+    pub fn apply(&mut self, kept: Kept, frame: &mut Frame) {
+        match kept {
+            Kept::No => {}
+            Kept::Keep(number) => {
+                if number >= self.0.len() {
+                    self.0.resize(number + 1, Frame::default());
+                }
+                self.0[number] = *frame;
+            }
+            Kept::TakeUp { number, moves } => {
+                let before = self.0.get(number).copied().unwrap_or_default();
+                frame.shift_mm = before.shift_mm;
+                if moves {
+                    frame.position_mm = before.position_mm;
+                }
+            }
+        }
+    }
 }
 
 /// Place of a machine and shift of a program's zero.
@@ -186,7 +231,7 @@ mod tests {
         frame.apply(&Effects { place: Place::Home([true, false, false], [5.0; 3]), ..Effects::default() });
         let motion = Motion { is_absolute: false, ..absolute([Some(-1.0), Some(1.0), None]) };
         assert_eq!(frame.end_of(&motion), [Some(4.0), None, None].into());
-        frame.apply(&Effects { shift: Shift::Lose(ALL), forget: ALL, place: Place::Keep });
+        frame.apply(&Effects { shift: Shift::Lose(ALL), forget: ALL, ..Effects::default() });
         assert_eq!(frame, Frame { position_mm: Known::NONE, shift_mm: Known::NONE });
     }
 }

@@ -34,6 +34,9 @@ pub struct Options {
     pub holds_outside_measured: bool,
     /// Whether the user has said what the firmware corrects.
     pub firmware_corrections_named: bool,
+    /// Names of macros and codes, in capitals, of which the user says that they neither move the machine nor change its
+    /// modes.
+    pub still: Vec<Vec<u8>>,
     /// Range of each axis, (low, high).
     pub range_mm: [(f64, f64); 3],
     /// Range in which the errors of each axis were measured, (low, high); infinite where it has none.
@@ -54,6 +57,7 @@ impl Options {
             on_unsupported: OnUnsupported::Refuse,
             holds_outside_measured: false,
             firmware_corrections_named: false,
+            still: Vec::new(),
             range_mm,
             measured_mm: [(f64::NEG_INFINITY, f64::INFINITY); 3],
             model_name: String::new(),

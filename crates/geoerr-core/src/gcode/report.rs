@@ -72,16 +72,16 @@ impl WarningKind {
     pub fn explanation(&self) -> String {
         match self {
             Self::Passed(what @ (Unsupported::Arc { .. } | Unsupported::Helix { .. })) => format!(
-                "{what}: passed through untouched; it begins where the corrected move before it ended, which a controller that checks radii may refuse"
+                "{what}: passed through untouched; it begins where the corrected move before it ended, which a controller that checks radii may refuse, and one that does not check them jumps to its circle in the last chord"
             ),
             Self::Passed(what) if what.after() == After::EverythingLost => {
                 format!("{what}: this line and all that follow are passed through untouched")
             }
             Self::Passed(what) => format!("{what}: passed through untouched"),
-            Self::FirmwareCorrects => "the program switches on a correction of the firmware itself: name what it corrects with --firmware-corrects, or it is corrected twice".to_owned(),
+            Self::FirmwareCorrects => "the firmware itself corrects here: name what it corrects with --firmware-corrects, or it is corrected twice (a mesh of the bed: bed-mesh, which is EZX and EZY; skew: squareness; steps a millimetre: positioning)".to_owned(),
             Self::ToolLength => "a tool length, which the program does not tell: it has to be part of --work-offset".to_owned(),
             Self::ZeroMoves => "moves the program's zero by the firmware's own offset: a shift that matters has to be part of --work-offset, and moves after it pass through untouched until its axes are given again".to_owned(),
-            Self::MayMove => "may move the machine: moves after it pass through untouched until X, Y and Z are all given again".to_owned(),
+            Self::MayMove => "may move the machine: moves after it pass through untouched until X, Y and Z are all given again; name what does not move it and changes no mode with --still".to_owned(),
             Self::Placeholder => "a placeholder that the slicer did not fill in: passed through untouched".to_owned(),
             Self::PositionUnknown => "the position is not known yet (start, homing, or an untouched line before): moves pass through untouched until X, Y and Z have all been given; --home tells where homing leaves the machine".to_owned(),
             Self::ZeroNotTold => "a place in machine coordinates (G53, G28 with --home, or one of another coordinate system), and where the program's zero lies in them is not told: nothing is counted from it, and moves after it pass through untouched until the axes are given again; --work-offset tells it (0,0,0 where it is the machine's; of a printer that is so: --firmware)".to_owned(),
@@ -137,6 +137,42 @@ impl Warnings {
     /// All of them.
     pub fn as_slice(&self) -> &[Warning] {
         &self.0
+    }
+}
+
+/// Commands that may move the machine, in the order in which they were first met, each with how often.
+#[derive(Clone, Debug, Default)]
+pub struct Movers {
+    names: Vec<(String, u64)>,
+    /// Lines whose command is none of these.
+    others: u64,
+}
+
+impl Movers {
+    /// More names than this are only counted: memory stays bounded.
+    const MOST: usize = 100;
+
+    /// Counts one more.
+    pub fn add(&mut self, name: &[u8]) {
+        const LONGEST: usize = 60;
+        let name = name[..name.len().min(LONGEST)].escape_ascii().to_string();
+        if let Some((_, count)) = self.names.iter_mut().find(|(known, _)| *known == name) {
+            *count += 1;
+        } else if self.names.len() < Self::MOST {
+            self.names.push((name, 1));
+        } else {
+            self.others += 1;
+        }
+    }
+
+    /// The names, in capitals, and on how many lines each was met.
+    pub fn names(&self) -> &[(String, u64)] {
+        &self.names
+    }
+
+    /// On how many lines others were met.
+    pub fn others(&self) -> u64 {
+        self.others
     }
 }
 

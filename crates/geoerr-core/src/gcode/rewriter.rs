@@ -10,7 +10,7 @@ use super::error::GcodeError;
 use super::lines::Lines;
 use super::options::Options;
 use super::path::PathMap;
-use super::report::{Summary, Warning};
+use super::report::{Movers, Summary, Warning};
 use super::solver::Solver;
 
 /// A call gives about as many bytes: calls from outside the threads that do the work are not free.
@@ -136,6 +136,11 @@ impl<M: PathMap + Send> Rewriter<M> {
     /// What the motion of the axes came to so far, where the model follows any; as of a program of no moves else.
     pub fn extremes(&self) -> Extremes {
         self.reader.reader.extremes()
+    }
+
+    /// Commands that may move the machine, so far.
+    pub fn movers(&self) -> &Movers {
+        &self.reader.reader.movers
     }
 
     /// Warnings so far, in the order of their first lines.

@@ -207,11 +207,16 @@ pub enum Unsupported {
         /// Code; `u32::MAX` where it is none.
         code10: u32,
     },
-    /// `M72`, `M121`, `RESTORE_GCODE_STATE` where other modes hold than were saved.
+    /// `M72`, `M121` where other modes hold than were saved.
     #[error(
         "it takes up saved modes again (G90, M82, G20, G54, G92 ...), which are not those that hold here"
     )]
     RestoredState,
+    /// `RESTORE_GCODE_STATE` with a name that the program has not saved.
+    #[error(
+        "it takes up a state that the program has not kept: which modes and which zero hold then it does not tell"
+    )]
+    UnknownState,
     /// `M64 X5` where no firmware is named.
     #[error("M{code} with axis words: printers have settings there, machine tools move")]
     AxisWordsOfM {
@@ -307,7 +312,10 @@ impl Unsupported {
             Self::ExtruderLost => "write G92 E0 behind the change of the tool, or use M83",
             Self::StopOnMove { .. } => "write it on a line of its own behind the move",
             Self::RestoredState => {
-                "write the modes that are to hold on lines of their own, before it is taken up and behind it"
+                "write the modes that are to hold on lines of their own before it, so that it changes none"
+            }
+            Self::UnknownState => {
+                "write SAVE_GCODE_STATE with the same NAME before it, or take the line out and write the modes"
             }
         }
     }
@@ -358,6 +366,7 @@ impl Unsupported {
             | Self::UnitOrCycle { changes_unit: true, .. }
             | Self::OtherMeaning
             | Self::RestoredState
+            | Self::UnknownState
             | Self::SeveralCodes
             | Self::NoInches => After::EverythingLost,
         }

@@ -2,7 +2,7 @@
 
 use super::decimal::POWERS_F64;
 use super::draft::Draft;
-use super::frame::{Effects, Frame};
+use super::frame::{Effects, Frame, KeptFrames};
 use super::known::Known;
 use super::options::{Options, unit_mm};
 use super::path::Node;
@@ -65,6 +65,7 @@ pub struct Writer {
     /// relied on.
     must_give_all: bool,
     shares: Shares,
+    kept: KeptFrames,
 }
 
 impl Writer {
@@ -75,12 +76,14 @@ impl Writer {
             prints: [false, true].map(|is_inch| Print::new(options, is_inch)),
             must_give_all: false,
             shares: Shares::default(),
+            kept: KeptFrames::default(),
         }
     }
 
     /// Takes over what a line does that is written as it is.
     pub fn pass(&mut self, effects: &Effects) {
         self.frame.apply(effects);
+        self.kept.apply(effects.kept, &mut self.frame);
     }
 
     /// Writes a move that ends at the last of `nodes`, one line for each.

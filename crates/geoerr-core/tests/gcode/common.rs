@@ -12,6 +12,7 @@ pub struct Outcome {
     pub bytes: Vec<u8>,
     pub summary: Summary,
     pub warnings: Vec<Warning>,
+    pub movers: Vec<(String, u64)>,
 }
 
 impl Outcome {
@@ -92,7 +93,8 @@ pub fn run_bytes(machine: MachineModel, options: Options, chunks: &[&[u8]]) -> R
     }
     rewriter.push(b"", true);
     while rewriter.pull(&mut bytes)? {}
-    Ok(Outcome { bytes, summary: rewriter.summary(), warnings: rewriter.warnings() })
+    let movers = rewriter.movers().names().to_vec();
+    Ok(Outcome { bytes, summary: rewriter.summary(), warnings: rewriter.warnings(), movers })
 }
 
 pub fn run(machine: MachineModel, options: Options, program: &str) -> Result<Outcome, GcodeError> {

@@ -74,9 +74,9 @@ fn every_unsupported_line_has_its_reason() {
         ("G154 P3", Unsupported::UnknownSystem { code10: 1540 }),
         ("M70\nG20\nG91\nM72", Unsupported::RestoredState),
         ("M83\nM120\nG91\nG1 Z5\nM121", Unsupported::RestoredState),
-        ("SAVE_GCODE_STATE NAME=a\nM83\nRESTORE_GCODE_STATE NAME=a", Unsupported::RestoredState),
-        ("SAVE_GCODE_STATE\nG92 X5\nRESTORE_GCODE_STATE", Unsupported::RestoredState),
-        ("RESTORE_GCODE_STATE NAME=nobody", Unsupported::RestoredState),
+        ("SAVE_GCODE_STATE NAME=a\nG20\nRESTORE_GCODE_STATE NAME=a", Unsupported::RestoredState),
+        ("RESTORE_GCODE_STATE NAME=nobody", Unsupported::UnknownState),
+        ("SAVE_GCODE_STATE NAME=a\nRESTORE_GCODE_STATE NAME=A", Unsupported::UnknownState),
         ("M98 P100", Unsupported::FlowControl),
         ("while iterations < 3", Unsupported::FlowControl),
         // A move beside a dwell: some controls dwell, some dwell and move.
@@ -224,8 +224,8 @@ fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece()
         ("G1 X300 Y300 S500 M3 M9", stop(b'M', 90)),
         ("G1 X300 Y300 M19", stop(b'M', 190)),
         ("G1 X300 Y300 M400", stop(b'M', 4000)),
-        ("T0\nG1 X1 E5\nT1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
-        ("G1 X1 E5\nT1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
+        ("T0\nG1 X1 E5\nT1\nG1 X1 Y1 Z1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
+        ("G1 X1 E5\nT1\nG1 X1 Y1 Z1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
         ("ACTIVATE_EXTRUDER EXTRUDER=e1\nG1 X1 Y1 Z1\nG1 X300 Y300 E7", Unsupported::ExtruderLost),
     ] {
         let program = format!("{here}{program}\n");
@@ -241,7 +241,7 @@ fn what_belongs_to_the_end_of_a_move_is_not_said_at_the_end_of_its_first_piece()
     );
     for program in [
         "G1 X300 Y300\nM30\n",
-        "T0\nG1 X1 E5\nT1\nG92 E0\nG1 X300 Y300 E7\n",
+        "T0\nG1 X1 E5\nT1\nG92 E0\nG1 X1 Y1 Z1\nG1 X300 Y300 E7\n",
         "G1 X300 Y300 F1000 M3 M8\n",
         // In a rapid nothing is cut.
         "G0 X300 Y300 M5\n",

@@ -1,6 +1,6 @@
 //! What is known of the machine from line to line.
 
-use super::common::{options, passing, rewritten, run, scaled, skewed};
+use super::common::{bent, options, passing, rewritten, run, scaled, skewed};
 use geoerr_core::gcode::{Firmware, GcodeError, Options};
 
 #[test]
@@ -336,5 +336,177 @@ fn a_numbered_program_without_points_is_told_of() {
     for program in [moves.to_owned(), format!("%\n{moves}%\n")] {
         let silent = run(scaled(), options(), &program).unwrap();
         assert!(!silent.warning_names().contains(&"number-without-point"), "{program}");
+    }
+}
+
+fn named(firmware: Firmware) -> Options {
+    Options { firmware: Some(firmware), ..options() }
+}
+
+#[test]
+fn behind_a_tool_no_axis_word_is_added_to_a_printer_s_travel() {
+    let behind = |options: Options, tools: &str| {
+        let program = format!("M83\nG1 X100.1 Y0 Z0 E1\n{tools}\nG1 X200.2 Y0\nG1 Z5\n");
+        let outcome = run(scaled(), options, &program).unwrap();
+        let lines = outcome.lines();
+        ((lines[lines.len() - 2]).to_owned(), (lines[lines.len() - 1]).to_owned(), outcome.movers)
+    };
+    let untouched = ("G1 X200.2 Y0".to_owned(), "G1 Z5 X200.0000 Y0.0000".to_owned());
+    let firmwares = [Firmware::Klipper, Firmware::Marlin, Firmware::RepRapFirmware];
+    for options in firmwares.map(named).into_iter().chain([options()]) {
+        for tool in ["T1", "T0"] {
+            let (travel, down, movers) = behind(options.clone(), tool);
+            assert_eq!((travel, down), untouched, "{tool} {:?}", options.firmware);
+            assert_eq!(movers, [(tool.to_owned(), 1)]);
+        }
+        // Of the tool in use Marlin and RepRapFirmware do nothing; of Klipper's macro nobody knows.
+        let is_still = matches!(options.firmware, Some(Firmware::Marlin | Firmware::RepRapFirmware));
+        let (travel, ..) = behind(options.clone(), "T1\nG1 X0 Y0 Z0\nT1");
+        assert_eq!(travel != untouched.0, is_still, "{:?}", options.firmware);
+        let told = Options { still: vec![b"T1".to_vec()], ..options };
+        assert_eq!(behind(told, "T1").0, "G1 X200.0000 Y0");
+    }
+    // Where nothing is known nothing is lost, and nothing is said.
+    let begin = "T0\nG1 X100.1 Y0 Z0\n";
+    assert!(run(scaled(), named(Firmware::Klipper), begin).unwrap().warnings.is_empty());
+    // A mill's T alone makes the magazine turn.
+    assert_eq!(rewritten(scaled(), options(), "G1 X100.1 Y0 Z0\nT1\nG1 X200.2\n")[2], "G1 X200.0000");
+}
+
+#[test]
+fn a_printer_that_homes_one_axis_moves_the_others() {
+    let home = |firmware| Options { firmware, home_mm: Some([0.0, 0.0, 10.0]), ..options() };
+    let firmwares = [Firmware::Klipper, Firmware::Marlin, Firmware::RepRapFirmware].map(Some);
+    for options in firmwares.into_iter().chain([None]).map(home) {
+        for homing in ["G28 Z", "G28 X Y", "G28 X0", "G28 Y Z"] {
+            let program = format!("M83\nG1 X100.1 Y0 Z0 E1\n{homing}\nG1 Z5\nG1 X100.1\nG1 X200.2 Y99.8\n");
+            let lines = rewritten(scaled(), options.clone(), &program);
+            let expected = ["G1 Z5", "G1 X100.1", "G1 X200.0000 Y100.0000 Z5.0000"];
+            assert_eq!(lines[3..], expected, "{homing} {:?}", options.firmware);
+        }
+        let all = "M83\nG1 X100.1 Y0 Z0 E1\nG28 X Y Z\nG1 X100.1\n";
+        assert_eq!(rewritten(scaled(), options, all)[3], "G1 X100.0000 Y0.0000 Z10.0000");
+    }
+}
+
+#[test]
+fn what_the_user_says_is_still_moves_nothing() {
+    let program = "G1 X100.1 Y0 Z0\n_On_Layer_Change Z=1\nM600\nPARK\nG1 X200.2\nPARK\nBEEP\n";
+    let outcome = run(scaled(), named(Firmware::Klipper), program).unwrap();
+    let counts = [("_ON_LAYER_CHANGE", 1), ("M600", 1), ("PARK", 2), ("BEEP", 1)];
+    assert_eq!(outcome.movers, counts.map(|(name, count)| (name.to_owned(), count)));
+    assert!(outcome.warnings[0].kind.explanation().contains("--still"));
+    let still = ["_ON_LAYER_CHANGE", "M600", "PARK"].map(|name| name.as_bytes().to_vec());
+    let told = Options { still: still.to_vec(), ..named(Firmware::Klipper) };
+    let outcome = run(scaled(), told, program).unwrap();
+    assert_eq!(outcome.lines()[4], "G1 X200.0000");
+    assert_eq!(outcome.movers, [("BEEP".to_owned(), 1)]);
+}
+
+#[test]
+fn what_only_a_user_s_macro_can_be_may_move_a_printer() {
+    let behind = |options: Options, line: &str| {
+        rewritten(scaled(), options, &format!("M83\nG1 X100.1 Y0 Z0 E1\n{line}\nG1 X200.2\n"))[3].clone()
+    };
+    for line in [
+        "SET_POSITION",
+        "SET_HOME",
+        "SET_UP_PRINT",
+        "QUERY_PARK",
+        "EXCLUDE_OBJECTS",
+        "M1234",
+        "M600",
+        "M601",
+        "M701",
+        "M25",
+        "M226",
+        "M240",
+        "PAUSE",
+        "M24",
+    ] {
+        for options in [options(), named(Firmware::Klipper), named(Firmware::Marlin)] {
+            assert_eq!(behind(options, line), "G1 X200.2", "{line}");
+        }
+    }
+    for line in ["M0", "M1 wait"] {
+        assert_eq!(behind(named(Firmware::Klipper), line), "G1 X200.2", "{line}");
+        assert_eq!(behind(named(Firmware::Marlin), line), "G1 X200.0000", "{line}");
+    }
+    for line in [
+        "SET_PRESSURE_ADVANCE ADVANCE=0.04",
+        "set_fan_speed FAN=a SPEED=1",
+        "SET_VELOCITY_LIMIT ACCEL=3000",
+        "M204 S500",
+        "EXCLUDE_OBJECT_START NAME=a",
+        "BED_MESH_CLEAR",
+        "TURN_OFF_HEATERS",
+        "M117 G1 X5",
+        "M205 X8",
+        "M900 K0.1",
+        "M106 S255",
+        "M73 P5",
+        "M400",
+    ] {
+        assert_eq!(behind(named(Firmware::Klipper), line), "G1 X200.0000", "{line}");
+    }
+    // Makers of machine tools have their own.
+    let mill = "G1 X100.1 Y0 Z0\nM1234\nG1 X200.2\n";
+    assert_eq!(rewritten(scaled(), options(), mill)[2], "G1 X200.0000");
+}
+
+#[test]
+fn a_state_that_klipper_kept_is_taken_up_again() {
+    let last = |options: Options, program: &str| {
+        let program = format!("M83\nG1 X100.1 Y0 Z0 F600\n{program}\n");
+        let outcome = run(scaled(), options, &program).unwrap();
+        assert_eq!(outcome.movers, [], "{program}");
+        (*outcome.lines().last().unwrap()).to_owned()
+    };
+    for (program, expected) in [
+        // The modes.
+        ("SAVE_GCODE_STATE NAME=a\nG90\nRESTORE_GCODE_STATE NAME=a\nG1 X200.2", "G1 X200.0000"),
+        ("SAVE_GCODE_STATE\nG91\nG1 Z5\nRESTORE_GCODE_STATE\nG1 X200.2", "G1 X200.0000"),
+        ("G91\nSAVE_GCODE_STATE\nG90\nRESTORE_GCODE_STATE MOVE=0\nG1 X100.1", "G1 X100.0000"),
+        // The zero: here of the corrected machine X 0 is at 100.
+        ("SAVE_GCODE_STATE\nG92 X0\nRESTORE_GCODE_STATE ; MOVE=1\nG1 X200.2", "G1 X200.0000"),
+        ("G92 X0\nSAVE_GCODE_STATE\nG92 X50 Y7\nRESTORE_GCODE_STATE\nG1 X100.1", "G1 X100.0000"),
+        // The place, with MOVE alone: where the corrected machine was.
+        (
+            "SAVE_GCODE_STATE\nG1 X300.3 Z9\nRESTORE_GCODE_STATE MOVE=1\nG1 Y99.8",
+            "G1 Y100.0000 X100.0000 Z0.0000",
+        ),
+        ("SAVE_GCODE_STATE\nG1 X300.3 Z9\nRESTORE_GCODE_STATE\nG1 Y99.8", "G1 Y100.0000"),
+        // The firmware's own offset, which is not followed.
+        ("SAVE_GCODE_STATE\nSET_GCODE_OFFSET Z=5 MOVE=1\nRESTORE_GCODE_STATE\nG1 Y99.8", "G1 Y99.8"),
+    ] {
+        assert_eq!(last(named(Firmware::Klipper), program), expected, "{program}");
+    }
+    // E is a position again, and counts from where it was.
+    let program =
+        "M82\nG92 E5\nG1 X0 Y0 Z0\nSAVE_GCODE_STATE\nM83\nG1 E-2\nRESTORE_GCODE_STATE\nG1 X300 Y300 E7\n";
+    let outcome = run(bent("wZbXYt", [0.0; 3]), named(Firmware::Klipper), program).unwrap();
+    assert_eq!(outcome.summary.extrusion_in, 0);
+    assert_eq!(outcome.summary.extrusion_out, 0);
+}
+
+#[test]
+fn g92_alone_is_zero_everywhere_to_klipper() {
+    let program = "G1 X100.1 Y0 Z5 E3\nG92\nG1 X100.1 E2\n";
+    let outcome = run(scaled(), named(Firmware::Klipper), program).unwrap();
+    assert_eq!(outcome.lines()[2], "G1 X100.0000 E2");
+    assert_eq!(outcome.summary.extrusion_in, 5 * 10_i128.pow(18));
+    assert!(run(scaled(), named(Firmware::Marlin), program).is_err());
+}
+
+#[test]
+fn what_ends_a_correction_of_the_firmware_is_not_told() {
+    for line in
+        ["SET_SKEW CLEAR=1", "BED_MESH_CLEAR", "BED_MESH_PROFILE SAVE=a", "SKEW_PROFILE REMOVE=a", "M420 S0"]
+    {
+        assert!(run(scaled(), options(), &format!("{line}\n")).unwrap().warnings.is_empty(), "{line}");
+    }
+    for line in ["SET_SKEW CLEAR=0 XY=1,2,3", "BED_MESH_OFFSET X=5", "SKEW_PROFILE LOAD=a", "M420 S1"] {
+        let outcome = run(scaled(), options(), &format!("{line}\n")).unwrap();
+        assert_eq!(outcome.warning_names(), ["firmware-corrects"], "{line}");
     }
 }

@@ -9,13 +9,14 @@ use super::codes::{Code, Macro, sets_frame_or_tool};
 use super::course::{Course, Extremes, Past};
 use super::error::GcodeError;
 use super::extrusion::{Extrusion, Firmware, Share};
-use super::frame::{ALL, Effects, Frame, Mask, Motion, Place, Shift, either};
+use super::frame::{ALL, Effects, Frame, Kept, KeptFrames, Mask, Motion, Place, Shift, either};
 use super::known::Known;
 use super::lexer::{Head, Line, Word};
 use super::options::{OnUnsupported, Options, unit_mm};
 use super::path::PathMap;
 use super::plain::PlainMove;
-use super::report::{Summary, WarningKind, Warnings, excerpt};
+use super::report::{Movers, Summary, WarningKind, Warnings, excerpt};
+use super::still::command_name;
 use super::unsupported::{After, Unsupported};
 use super::words::{MoveText, Words};
 use crate::volumetric::MotionNeeds;
@@ -134,6 +135,7 @@ pub struct Reader {
     extrusion: Extrusion,
     saved: Saved,
     frame: Frame,
+    kept: KeptFrames,
     past: Past,
     /// Whether the machine stands where a corrected move ended.
     is_corrected: bool,
@@ -147,6 +149,8 @@ pub struct Reader {
     has_parenthesis: bool,
     /// What the user should know.
     pub warnings: Warnings,
+    /// Commands that may move the machine.
+    pub movers: Movers,
     /// Counts.
     pub summary: Summary,
     /// The moves to correct, in the order of their lines.
@@ -223,6 +227,7 @@ impl Reader {
             asked: Asked::default(),
             saved: Saved::default(),
             frame: Frame::default(),
+            kept: KeptFrames::default(),
             past: Past::new(map.windups()),
             is_corrected: false,
             n_percent: 0,
@@ -231,6 +236,7 @@ impl Reader {
             has_semicolon: false,
             has_parenthesis: false,
             warnings: Warnings::default(),
+            movers: Movers::default(),
             summary: Summary::default(),
             moves: Vec::new(),
             courses: Vec::new(),
@@ -297,11 +303,16 @@ impl Reader {
             Step::Pass => return Ok(()),
             Step::Do(effects) => {
                 self.frame.apply(effects);
+                self.kept.apply(effects.kept, &mut self.frame);
+                let goes_back = matches!(effects.kept, Kept::TakeUp { moves: true, .. });
+                if goes_back {
+                    self.past.forget(ALL);
+                }
                 self.past.forget(effects.forget);
                 if let Place::Home(mask, _) = effects.place {
                     self.past.forget(mask);
                 }
-                if effects.place != Place::Keep || effects.forget != [false; 3] {
+                if effects.place != Place::Keep || effects.forget != [false; 3] || goes_back {
                     self.is_corrected = false;
                 }
                 if !matches!(effects.place, Place::Move(_)) {
@@ -362,11 +373,23 @@ impl Reader {
 
     fn warn(&mut self, kind: WarningKind, body: &[u8]) {
         self.warnings.add(kind, self.summary.lines, body);
+        if kind == WarningKind::MayMove {
+            self.movers.add(&command_name(body));
+        }
     }
 
+    /// What a line does whose command may move the machine, unless the user says that it does not.
     fn may_move(&mut self, body: &[u8]) -> Effects {
+        if self.is_still(body) {
+            return Effects::default();
+        }
         self.warn(WarningKind::MayMove, body);
         Effects { forget: ALL, ..Effects::default() }
+    }
+
+    /// Whether the user says that the command of a line neither moves the machine nor changes its modes.
+    fn is_still(&self, body: &[u8]) -> bool {
+        !self.options.still.is_empty() && self.options.still.contains(&command_name(body))
     }
 
     fn firmware_corrects(&mut self, body: &[u8]) {
@@ -408,12 +431,14 @@ impl Reader {
             Macro::Harmless => {}
             Macro::FlowControl => return Err(Unsupported::FlowControl),
             Macro::Transforms => return Err(Unsupported::OtherMeaning),
+            Macro::FirmwareCorrection if owned::switches_off(body) => {}
             Macro::FirmwareCorrection => self.firmware_corrects(body),
             Macro::MovesZero => {
                 self.warn(WarningKind::ZeroMoves, body);
+                self.saved.n_offsets += 1;
                 effects.forget = owned::offset_later(body);
             }
-            Macro::SavesState => self.save_named(body),
+            Macro::SavesState => effects.kept = self.save_named(body),
             Macro::RestoresState => effects = self.restore_named(body)?,
             Macro::OtherExtruder => {
                 self.extrusion.lose_position();

@@ -339,7 +339,8 @@ impl Reader {
     /// Takes over which tool a line names, and whether it is put in: what its other words mean may follow from that.
     pub(super) fn tools(&mut self, line: &Line, body: &[u8]) {
         for word in line.words.iter().filter(|word| word.letter == b'T') {
-            self.tool(word.tool(), body);
+            let begins_line = line.words.first() == Some(word);
+            self.tool(word.tool(), begins_line, body);
             // Printers have no lengths of tools.
             let is_computed = word.tool().is_none() && self.options.firmware.is_none();
             self.modes.computed_tool = is_computed.then(|| self.modes.number_of(word));
@@ -349,15 +350,32 @@ impl Reader {
         }
     }
 
-    fn tool(&mut self, number: Option<u64>, body: &[u8]) {
+    fn tool(&mut self, number: Option<u64>, begins_line: bool, body: &[u8]) {
         let old = self.modes.tool;
         self.modes.tool = number.or(old);
+        if self.moves_by_tool(old, begins_line) && !self.is_still(body) {
+            if !self.frame.position_mm.is_none() {
+                self.warn(WarningKind::MayMove, body);
+            }
+            self.asked.forget = ALL;
+        }
         // Programs begin with the tool 0, if they name none.
         if old.unwrap_or(0) != self.modes.tool.unwrap_or(0) {
             self.extrusion.lose_position();
         }
         if old.is_some() && old != self.modes.tool {
             self.warn(WarningKind::OtherTool, body);
+        }
+    }
+
+    /// Whether a T moves a printer. To Klipper every one is a user's macro (docks, hops, offsets), even that of the tool in
+    /// use; Marlin and RepRapFirmware park or run macros where another tool is chosen, and of the first nobody says whether
+    /// it is another.
+    fn moves_by_tool(&self, old: Option<u64>, begins_line: bool) -> bool {
+        match self.options.firmware {
+            Some(Firmware::Klipper) => begins_line,
+            Some(_) => old != self.modes.tool,
+            None => begins_line && self.modes.is_printers,
         }
     }
 }

@@ -2,11 +2,15 @@
 
 use super::Reader;
 use crate::gcode::codes::Code;
+use crate::gcode::decimal::Decimal;
+use crate::gcode::extrusion::Firmware;
 use crate::gcode::frame::{ALL, Effects, Mask, Place, Shift, either};
+use crate::gcode::known::Known;
 use crate::gcode::lexer::{Line, Value, Word};
 use crate::gcode::options::unit_mm;
 use crate::gcode::reader::Step;
 use crate::gcode::report::WarningKind;
+use crate::gcode::still::{is_pause, is_still_code};
 use crate::gcode::unsupported::Unsupported;
 use crate::gcode::words::Words;
 
@@ -54,14 +58,28 @@ impl Reader {
             }
             // Where another nozzle is beside the first.
             Some(218) if words.has_axes() => self.warn(WarningKind::ZeroMoves, body),
+            // Of Marlin: off.
+            Some(420) if line.words.iter().any(|word| word.letter == b'S' && is_zero(word)) => {}
             Some(420 | 425 | 556 | 852) => self.firmware_corrects(body),
             // Steps a millimetre, and scales: what an axis is too long or too short by.
             Some(92 | 579) if words.has_axes() => self.firmware_corrects(body),
             // Marlin's repeatability test of the probe, other controls' overrides; its parking.
             Some(48 | 125) => effects = self.may_move(body),
+            Some(code) if self.may_move_by_m(code) => effects = self.may_move(body),
             _ => {}
         }
         Ok(Step::pass(effects))
+    }
+
+    /// Whether no firmware's manual says that an M code leaves the machine where it is. Machine tools have many of their
+    /// makers' own, behind which nothing has moved.
+    fn may_move_by_m(&self, code: u32) -> bool {
+        match self.options.firmware {
+            // Stops are macros to it, which park.
+            Some(Firmware::Klipper) if code <= 1 => true,
+            None if !self.modes.is_printers => is_pause(code),
+            _ => !is_still_code(code),
+        }
     }
 
     /// A line whose axis words belong to a G code that is no move.
@@ -104,7 +122,6 @@ impl Reader {
 
     /// Whether `G52 X0 Y0 Z0`, `G92.1` or `G92.2` ends a shift where none holds.
     fn leaves_zero(&self, code10: u32, line: &Line, words: &Words) -> bool {
-        let is_zero = |word: &Word| word.number().is_some_and(|number| number.to_f64() == 0.0);
         let ends_it = match code10 {
             // With a motion code NUM's controls move by it, in machine coordinates.
             520 => {
@@ -174,6 +191,12 @@ impl Reader {
             effects.shift = Shift::Clear(mask);
             self.modes.shifted = std::array::from_fn(|axis| self.modes.shifted[axis] && !mask[axis]);
         }
+        // A printer that homes one axis moves the others: Klipper's safe_z_home and Marlin's Z_SAFE_HOMING to where Z is
+        // probed, both raise Z before X or Y, and RepRapFirmware runs a macro for each axis.
+        if mask != ALL && self.modes.is_printers {
+            effects.forget = ALL;
+            return Ok(());
+        }
         // Marlin's `O`: only where it is not at home already.
         match self.options.home_mm.filter(|_| words.odd != Some(b'O')) {
             Some(home_mm) if self.zero_is_told() => effects.place = Place::Home(mask, home_mm),
@@ -188,10 +211,21 @@ impl Reader {
         Ok(())
     }
 
+    /// `G92` alone: by Klipper all that it has is 0 here (`cmd_G92` of its `klippy/extras/gcode_move.py`).
+    fn zero_here(&mut self, effects: &mut Effects) -> Result<(), Unsupported> {
+        if self.options.firmware != Some(Firmware::Klipper) {
+            return Err(Unsupported::BareShift);
+        }
+        self.extrusion.set_position(Decimal { mantissa: 0, digits: 0, is_cut: false });
+        self.modes.shifted = ALL;
+        effects.shift = Shift::Set { words_mm: Known::all([0.0; 3]), system_mm: self.system_mm() };
+        Ok(())
+    }
+
     /// `G92`.
     fn set_shift(&mut self, line: &Line, words: &Words, effects: &mut Effects) -> Result<(), Unsupported> {
         if line.words.iter().all(|word| matches!(word.letter, b'G' | b'M')) {
-            return Err(Unsupported::BareShift);
+            return self.zero_here(effects);
         }
         let unit_mm = unit_mm(self.modes.is_inch);
         let words_mm = words.axes_mm(unit_mm).map_err(|_| Unsupported::ZeroShift { code10: 920 })?;
@@ -207,6 +241,15 @@ impl Reader {
     }
 }
 
+/// Whether a line ends a correction of Klipper's, or only keeps one under a name, and begins none: `SET_SKEW CLEAR=1`,
+/// `BED_MESH_PROFILE SAVE=a`.
+pub(super) fn switches_off(body: &[u8]) -> bool {
+    let upper = body.to_ascii_uppercase();
+    let has = |begin: &[u8]| upper.split(u8::is_ascii_whitespace).any(|word| word.starts_with(begin));
+    let is_profile = has(b"BED_MESH_PROFILE") || has(b"SKEW_PROFILE");
+    (has(b"SET_SKEW") && has(b"CLEAR=") && !has(b"CLEAR=0")) || (is_profile && !has(b"LOAD="))
+}
+
 /// Axes of which `SET_GCODE_OFFSET X=5` moves the zero without moving them: a word that was added behind it would.
 pub(super) fn offset_later(body: &[u8]) -> Mask {
     let upper = body.to_ascii_uppercase();
@@ -214,6 +257,11 @@ pub(super) fn offset_later(body: &[u8]) -> Mask {
     let is_moved = has(b"MOVE=") && !has(b"MOVE=0");
     let is_named = |letter: u8| has(&[letter, b'=']) || has(&[&[letter], &b"_ADJUST="[..]].concat());
     [b'X', b'Y', b'Z'].map(|letter| !is_moved && is_named(letter))
+}
+
+/// Whether a word has the number 0.
+fn is_zero(word: &Word) -> bool {
+    word.number().is_some_and(|number| number.to_f64() == 0.0)
 }
 
 /// Whether a line has the words of a heater, and no others.

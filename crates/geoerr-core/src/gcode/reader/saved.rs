@@ -1,11 +1,12 @@
-//! Modes that a program saves and takes up again. They are not followed: a line that takes up others than those that
-//! hold is refused, and one that takes up the same does nothing.
+//! Modes that a program saves and takes up again. Those of `SAVE_GCODE_STATE` are taken up as Klipper does
+//! (`cmd_RESTORE_GCODE_STATE` of its `klippy/extras/gcode_move.py`). Others are not followed: a line that takes up others
+//! than those that hold is refused, and one that takes up the same does nothing.
 
 use std::collections::HashMap;
 
 use super::Reader;
 use crate::gcode::extrusion::{Extrusion, Firmware};
-use crate::gcode::frame::Effects;
+use crate::gcode::frame::{ALL, Effects, Kept, Mask};
 use crate::gcode::known::Known;
 use crate::gcode::unsupported::Unsupported;
 
@@ -16,7 +17,11 @@ pub(super) struct State {
     is_inch: bool,
     system: usize,
     shift_mm: Known,
+    shifted: Mask,
     extrusion: Extrusion,
+    feed_mm_min: Option<f64>,
+    feed_factor: Option<f64>,
+    n_offsets: u64,
 }
 
 /// What was saved, by how it is taken up.
@@ -28,8 +33,10 @@ pub(super) struct Saved {
     pushed: Vec<State>,
     /// `M622`, for `M623` (Bambu).
     branched: Vec<State>,
-    /// `SAVE_GCODE_STATE`, for `RESTORE_GCODE_STATE` (Klipper), by name.
-    named: HashMap<Vec<u8>, State>,
+    /// `SAVE_GCODE_STATE`, for `RESTORE_GCODE_STATE` (Klipper), by name, with the numbers of their frames.
+    named: HashMap<Vec<u8>, (usize, State)>,
+    /// How often the firmware's own offset was set.
+    pub(super) n_offsets: u64,
 }
 
 impl Reader {
@@ -39,7 +46,11 @@ impl Reader {
             is_inch: self.modes.is_inch,
             system: self.modes.system,
             shift_mm: self.frame.shift_mm,
+            shifted: self.modes.shifted,
             extrusion: self.extrusion.clone(),
+            feed_mm_min: self.modes.feed_mm_min,
+            feed_factor: self.modes.feed_override.factor,
+            n_offsets: self.saved.n_offsets,
         }
     }
 
@@ -94,29 +105,49 @@ impl Reader {
         Ok(())
     }
 
-    pub(super) fn save_named(&mut self, body: &[u8]) {
-        let state = self.state();
-        self.saved.named.insert(parameter(body, b"NAME"), state);
+    /// Keeps a named state; gives the number of its frame.
+    pub(super) fn save_named(&mut self, body: &[u8]) -> Kept {
+        let (state, next) = (self.state(), self.saved.named.len());
+        let kept = self.saved.named.entry(state_name(body)).or_insert((next, state.clone()));
+        kept.1 = state;
+        Kept::Keep(kept.0)
     }
 
-    /// Takes up a named state; with `MOVE` the machine goes where it was.
+    /// Takes up a named state; with `MOVE=1` the machine goes where it was, else nothing moves.
     pub(super) fn restore_named(&mut self, body: &[u8]) -> Result<Effects, Unsupported> {
-        let Some(kept) = self.saved.named.get(&parameter(body, b"NAME")).cloned() else {
-            return Err(Unsupported::RestoredState);
+        let Some((number, state)) = self.saved.named.get(&state_name(body)).cloned() else {
+            return Err(Unsupported::UnknownState);
         };
-        if !self.reads_as(&kept) || self.frame.shift_mm != kept.shift_mm {
+        let modes = &mut self.modes;
+        // Klipper has neither.
+        if modes.is_inch != state.is_inch || modes.system != state.system {
             return Err(Unsupported::RestoredState);
         }
-        self.extrusion.take_position_of(&kept.extrusion);
-        Ok(self.may_move(body))
+        modes.is_relative = state.is_relative;
+        modes.shifted = state.shifted;
+        modes.feed_mm_min = state.feed_mm_min;
+        modes.feed_override.factor = state.feed_factor;
+        self.extrusion.take_up(&state.extrusion);
+        let moves = parameter(body, b"MOVE").is_some_and(|told| told != b"0");
+        // The firmware's own offset is taken up, too, and it is not followed: words of axes that rest mean other places.
+        let has_other_offset = self.saved.n_offsets != state.n_offsets;
+        let forget = if has_other_offset { ALL } else { [false; 3] };
+        Ok(Effects { forget, kept: Kept::TakeUp { number, moves }, ..Effects::default() })
     }
 }
 
-/// Value of `NAME=value` on a macro's line, in upper case; `DEFAULT` where it is absent.
-fn parameter(body: &[u8], name: &[u8]) -> Vec<u8> {
-    let upper = body.to_ascii_uppercase();
-    upper
-        .split(|byte| byte.is_ascii_whitespace())
-        .find_map(|word| word.strip_prefix(name)?.strip_prefix(b"="))
-        .map_or_else(|| b"DEFAULT".to_vec(), <[u8]>::to_vec)
+/// Under which name a line keeps a state or takes it up; capitals are others than small letters.
+fn state_name(body: &[u8]) -> Vec<u8> {
+    parameter(body, b"NAME").unwrap_or(b"default").to_vec()
+}
+
+/// Value of `NAME=value` on a macro's line.
+fn parameter<'a>(body: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
+    let told = body.split(|byte| matches!(byte, b';' | b'#')).next()?;
+    told.split(u8::is_ascii_whitespace).find_map(|word| {
+        let at = word.iter().position(|&byte| byte == b'=')?;
+        let value = &word[at + 1..];
+        let unquoted = value.strip_prefix(b"\"").and_then(|rest| rest.strip_suffix(b"\""));
+        word[..at].eq_ignore_ascii_case(name).then(|| unquoted.unwrap_or(value))
+    })
 }
