@@ -166,7 +166,7 @@ impl GcodeError {
                 "move the part away from the end of the axis; a correction needs some travel of its own"
             }
             Self::OutsideMeasured { .. } => {
-                "measure there, or hold the last measured errors with --outside-measured hold"
+                "measure there, or --outside-measured hold: functions of an axis keep their last measured value, formulas of effects go on"
             }
             Self::NotSolved { .. } => "check the error tables: errors this steep cannot be corrected",
             Self::NotHeld { .. } => "use a larger --tolerance, or check the error tables for steps",
