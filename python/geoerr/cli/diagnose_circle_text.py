@@ -8,7 +8,7 @@ from geoerr.cli.diagnose_text import alias_lines, not_offered_lines, remedy_line
 from geoerr.cli.text_tables import named_row, wrapped
 from geoerr.diagnose.circles import Cause, CircleDiagnosis
 from geoerr.diagnose.words import chance_words, um_words
-from geoerr.summaries import capitalised, counted, listed
+from geoerr.summaries import capitalised, counted, listed, p_text
 
 _MOST_OTHERS = 5
 _NAME_WIDTH = 34
@@ -70,7 +70,7 @@ def _others(diagnosis: CircleDiagnosis, *, verbose: bool) -> Iterator[str]:
     shown = others if verbose else others[:_MOST_OTHERS]
     for cause in shown:
         name, worth = str(cause.reference), um_words(cause.worth_um)
-        yield from named_row(name, _NAME_WIDTH - 2, f"{worth:>11}{cause.p_value:>9.1g}", "  ")
+        yield from named_row(name, _NAME_WIDTH - 2, f"{worth:>11}{p_text(cause.p_value, 1):>9}", "  ")
     for cause in shown:
         alike = [str(reference) for reference in diagnosis.not_told_from(cause)]
         if alike:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from geoerr.summaries import p_text, p_words
 from geoerr.terms import EffectReference
 
 
@@ -47,8 +48,8 @@ class AskedFor:
     def words(self) -> str:
         """Say it, and what it is beside the search: the level is halved between the two."""
         whole = min(2.0 * self.p_value, 1.0)
-        beside = f"with the search counted {whole:.2g}"
-        return f"{self.reference} was asked for by itself: p = {self.p_value:.2g}, {beside}"
+        beside = f"with the search counted {p_text(whole)}"
+        return f"{self.reference} was asked for by itself: {p_words(self.p_value)}, {beside}"
 
     def to_document(self) -> dict[str, Any]:
         """Give it as `diagnose --json` has it."""
