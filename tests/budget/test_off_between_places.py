@@ -38,7 +38,9 @@ def test_a_rough_machine_is_less_sure_between_its_places_and_its_file_says_so() 
     assert "    between places " in budget_text(budget)
     of_file = uncertainty_budget(model_from_document(document_of(fit.model), Path("model.json")), CENTRE)
     assert stated_um(of_file) == pytest.approx(said_um)
-    assert of_file.expanded_um() == pytest.approx(budget.expanded_um(), rel=1e-6)
+    assert of_file.standard_um() == pytest.approx(budget.standard_um(), rel=1e-6)
+    # A file does not say how much of it rows share, of which fewer degrees of freedom tell.
+    assert of_file.expanded_um() == pytest.approx(budget.expanded_um(), rel=1e-3)
 
 
 def test_of_a_smooth_machine_it_is_said_that_nothing_is_seen() -> None:

@@ -13,17 +13,24 @@ from geoerr.machine import Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 
 MACHINE = Machine("test", "wbXYZt", {axis: Axis((0.0, 300.0)) for axis in "xyz"}, tool_offset_mm=(0.0, 0.0, 0.0))
-EFFECTS = ["scale:x", "scale:y", "squareness:xy"]
-TRUTH = {"scale:x": 40e-6, "scale:y": -25e-6, "squareness:xy": 60e-6}
+EFFECTS = ["scale:x", "scale:y", "squareness:xy", "scale:z"]
+TRUTH = {"scale:x": 40e-6, "scale:y": -25e-6, "squareness:xy": 60e-6, "scale:z": 30e-6}
 N_PASSES, N_POINTS, SECONDS = 24, 10, 6.0
-WHITE_UM = 3.0
+WHITE_UM = (3.0, 3.0, 3.0)
 
 
-def _observations(seed: int, *, offset_um: float = 0.0, drift_um: float = 0.0) -> Observations:
+def _observations(
+    seed: int,
+    *,
+    offset_um: float | tuple[float, float, float] = 0.0,
+    drift_um: float = 0.0,
+    white_um: tuple[float, float, float] = WHITE_UM,
+    n_passes: int = N_PASSES,
+) -> Observations:
     """Measure lines along axes and diagonals with a device whose passes have offsets, and that drifts."""
     rng = np.random.default_rng(seed)
     places, line = [], []
-    for number in range(N_PASSES):
+    for number in range(n_passes):
         along = (np.eye(3)[number % 3], np.array([1.0, 1.0, 0.0]), np.array([1.0, -1.0, 0.5]))[number // 3 % 3]
         begin = rng.uniform(100.0, 200.0, 3)
         reach = np.linspace(-95.0, 95.0, N_POINTS) * (1.0 if number % 2 else -1.0)
@@ -34,8 +41,9 @@ def _observations(seed: int, *, offset_um: float = 0.0, drift_um: float = 0.0) -
     error = np.zeros_like(q)
     error[:, 0] = TRUTH["scale:x"] * q[:, 0] - TRUTH["squareness:xy"] * q[:, 1]
     error[:, 1] = TRUTH["scale:y"] * q[:, 1]
-    noise = WHITE_UM * rng.normal(size=q.shape)
-    noise += offset_um * rng.normal(size=(N_PASSES, 3))[line_of_row]
+    error[:, 2] = TRUTH["scale:z"] * q[:, 2]
+    noise = np.array(white_um) * rng.normal(size=q.shape)
+    noise += np.array(offset_um) * rng.normal(size=(n_passes, 3))[line_of_row]
     apart = np.abs(t[:, None] - t[None, :])
     value, vector = np.linalg.eigh(np.exp(-apart / 300.0))
     noise += drift_um * (vector * np.sqrt(np.maximum(value, 0.0))) @ rng.normal(size=q.shape)
@@ -48,7 +56,7 @@ def _observations(seed: int, *, offset_um: float = 0.0, drift_um: float = 0.0) -
         "line": [f"L{n}" for n in line_of_row],
     }
     columns |= {"mx": m[:, 0], "my": m[:, 1], "mz": m[:, 2]}
-    columns |= {f"s{axis}": np.full(len(q), 1e-3 * WHITE_UM) for axis in "xyz"}
+    columns |= {f"s{axis}": np.full(len(q), 1e-3 * WHITE_UM[0]) for axis in "xyz"}
     return observations_from_columns(columns)
 
 
@@ -71,10 +79,38 @@ def _plain(observations: Observations) -> Fitted:
 def test_intervals_hold_where_rows_share_something(shared: dict[str, float]) -> None:
     made = [_observations(seed, **shared) for seed in range(60)]
     counted = np.array([_z(_fitted(one)) for one in made])
-    # Of 180 squares of standard normal numbers, which three by three are nearly independent, the mean.
+    # Of 240 squares of standard normal numbers, four by four nearly independent, the mean.
     assert 0.7 < (counted**2).mean() < 1.35
     plain = np.array([_z(_plain(one)) for one in made])
     assert (plain**2).mean() > 1.8, "rows that share nothing would have done"
+
+
+def test_a_component_that_scatters_more_is_told_so() -> None:
+    """The offsets are of x and y; z scatters three times as far as all three do in the mean of squares."""
+    made = [_observations(seed, offset_um=(4.0, 4.0, 0.0), white_um=(2.0, 2.0, 10.0)) for seed in range(60)]
+    z = np.array([_z(_fitted(one)) for one in made])[:, EFFECTS.index("scale:z")]
+    # 60 squares; their mean is beyond 1.6 once in a thousand.
+    assert (z**2).mean() < 1.7
+
+
+def test_the_mean_scatter_is_that_of_what_was_measured() -> None:
+    frame = _observations(4, offset_um=4.0).frame.drop("mz", "sx", "sy", "sz")
+    fitted = fit_model(MACHINE, Observations(frame), components="none", effects=EFFECTS[:3]).fitted
+    assert fitted.shared_noise is not None
+    assert 1e3 * fitted.shared_noise.mean_scatter == pytest.approx(WHITE_UM[0], rel=0.15)
+
+
+def test_every_so_manieth_pass_stands_for_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    observations = _observations(7, offset_um=4.0, n_passes=96)
+    whole = _fitted(observations)
+    monkeypatch.setattr(shared_noise, "_MOST_BLOCKS", 40)
+    thinned = _fitted(observations)
+    assert thinned.shared_noise is not None
+    assert whole.shared_noise is not None
+    assert thinned.shared_noise.root.shape[1] <= thinned.problem.n_columns
+    ratio = np.sqrt(np.diagonal(thinned.covariance) / np.diagonal(whole.covariance))
+    assert (np.abs(ratio - 1.0) < 0.3).all()
+    assert (ratio != 1.0).any()
 
 
 def test_nothing_changes_where_rows_share_nothing() -> None:
@@ -96,11 +132,10 @@ def test_the_formula_is_that_of_dense_matrices() -> None:
     sigma, offset, drift = np.array([[1.2, 0.9, 1.5], [1.0, 0.0, 2.0], [0.5, 1.5, 0.0]])
     memory = np.array([0.3, 0.1, 1.0])
     noise = NoiseModel(blocks, sigma, offset, drift, memory, weights, 0.0)
-    made = _Columns(plain, weights, blocks.block, len(blocks))
+    made = _Columns(plain, weights, blocks, np.arange(len(weights)))
     columns = made.of_some
-    assert np.array_equal(made.some, np.arange(len(weights)))
     root, used = plain.solved.solution.covariance_root, plain.solved.used.astype(np.float64)
-    by_core = plain.problem.times(plain.solved.design_state, root, used, 1).reshape(len(weights), 3, -1)
+    by_core = plain.problem.times(plain.problem.start, root, used, 1).reshape(len(weights), 3, -1)
     np.testing.assert_allclose(columns, by_core, atol=1e-12)
     shared = np.zeros((columns.shape[2],) * 2)
     for c in range(3):

@@ -56,8 +56,11 @@ def refit_with_noise(
         raise GeometryError("no rig with a covariance is given, so that the calibration cannot be drawn")
     rng = np.random.default_rng([seed, 1])
     fitted = estimator.fitted
-    roots = np.array([root_with_zeros(one) for one in covariances_mm2(fitted)])
-    noise_scale = fitted.scale
+    if fitted.shared_noise is None:
+        roots = fitted.scale * np.array([root_with_zeros(one) for one in covariances_mm2(fitted)])
+    else:
+        # What rows scatter by themselves; what they share is a source that is not drawn here.
+        roots = fitted.sightings.unwhitening * fitted.shared_noise.scatter
     places = budget.q_mm
     expected = budget.predictor.error_mm(places, _parameters(fitted.solved.state))
     trials = np.empty((n_trials, len(places), 3))
@@ -67,7 +70,7 @@ def refit_with_noise(
             assert budget.rig is not None
             moved += _seen_by_wrong_rig(budget.rig, fitted.sightings.measured_mm - fitted.solved.residual_mm, rng)
         if with_noise:
-            moved += noise_scale * np.einsum("nij,nj->ni", roots, rng.standard_normal((len(roots), 3)))
+            moved += np.einsum("nij,nj->ni", roots, rng.standard_normal((len(roots), 3)))
         parameters = _refitted(estimator, moved)
         trials[number] = budget.predictor.error_mm(places, parameters) - expected
     trials *= _UM_PER_MM

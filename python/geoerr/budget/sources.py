@@ -18,7 +18,7 @@ from geoerr.fit.result import components_of_a_row
 from geoerr.model import GROUPS, FitRecord, Model
 from geoerr.model.arrays import Numbers
 from geoerr.model.conditions import Conditions
-from geoerr.model.fit_words import BETWEEN_PLACES, PLACES_LEFT_OUT
+from geoerr.model.fit_words import BETWEEN_PLACES, COUNTS_SHARED, PLACES_LEFT_OUT
 from geoerr.summaries import p_words
 from geoerr.vision.rig import Rig
 
@@ -134,14 +134,17 @@ def sources_of_record(record: FitRecord) -> tuple[list[Source], list[str]]:
     The parameters' covariance is one source, for the file does not say what it is made of. Where the points scatter
     beyond what they state the excess is a source of its own: only that has the fit's degrees of freedom.
     """
-    figures, scale = record.figures, record.noise.get("scale", 1.0)
+    figures, counts_shared = record.figures, record.noise.get(COUNTS_SHARED, 0.0) > 0.0
+    # What rows share has no factor: then all is one source, of the fit's degrees of freedom.
+    scale = 1.0 if counts_shared else record.noise.get("scale", 1.0)
     dof, silent = max(figures.get("dof", math.nan), 1.0), []
     if "dof" not in figures and not ("scale" in record.noise and scale <= 1.0):
         dof = math.inf
         silent.append("degrees of freedom of the data: the model file does not hold them, and they count as infinite")
     root = root_of(record.covariance)
     is_stated = "scatter_um" not in record.noise
-    sources = [_of_covariance(root / max(scale, 1.0), math.inf if is_stated and "scale" in record.noise else dof)]
+    is_as_stated = is_stated and "scale" in record.noise and not counts_shared
+    sources = [_of_covariance(root / max(scale, 1.0), math.inf if is_as_stated else dof)]
     if scale > 1.0:
         beyond = math.sqrt(1.0 - 1.0 / scale**2)
         what = "scatter of the points beyond their stated covariances"
@@ -197,7 +200,9 @@ def _of_noise(fitted: Fitted, estimator: Estimator) -> Iterator[Source]:
 def _of_what_rows_share(fitted: Fitted) -> Iterator[Source]:
     if fitted.shared_noise is not None:
         what = "offsets of passes and drifts, which rows share"
-        yield Source("shared", what, "A", "normal", math.nan, "", by_parameter=fitted.shared_noise.root)
+        # As many offsets as passes, of which one in each session is the pose's.
+        dof = float(max(fitted.sightings.n_passes - len(fitted.sightings.sessions), 1))
+        yield Source("shared", what, "A", "normal", math.nan, "", dof, by_parameter=fitted.shared_noise.root)
 
 
 def _misfit_of_fit(fitted: Fitted) -> Source | str:

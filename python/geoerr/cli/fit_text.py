@@ -30,7 +30,13 @@ from geoerr.fit.from_nothing import SIGNIFICANCE, chance_of_nothing
 from geoerr.fit.inner import other_periods
 from geoerr.machine import AXES
 from geoerr.model import MeanScale
-from geoerr.model.fit_words import FAR_BELOW_STATED, NOT_SETTLED, far_below_stated_words, lack_of_fit_words
+from geoerr.model.fit_words import (
+    FAR_BELOW_STATED,
+    NOT_SETTLED,
+    SHARED_WORDS,
+    far_below_stated_words,
+    lack_of_fit_words,
+)
 from geoerr.summaries import by_reason, p_words
 from geoerr.terms import Term
 
@@ -152,7 +158,9 @@ def quality_in_words(fitted: Fitted) -> list[str]:
     split, sightings = fitted.split, fitted.sightings
     p_value, beyond_um = (math.nan if v is None else v for v in (split.lack_of_fit_p, split.lack_of_fit_um))
     sentences = [lack_of_fit_words(p_value, beyond_um, split.is_from_repeats)]
-    if sightings.is_stated and fitted.scale > 1.0:
+    if fitted.shared_noise is not None:
+        sentences.append(SHARED_WORDS)
+    elif sightings.is_stated and fitted.scale > 1.0:
         sentences.append(
             f"the scatter is {fitted.scale:.2f} times what is stated: standard uncertainties are multiplied by that"
         )

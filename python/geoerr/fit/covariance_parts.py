@@ -16,7 +16,8 @@ class SharedNoise:
     Attributes
     ----------
     scatter : (3,)
-        What rows scatter by themselves in each component, in units of what they state; not less than that.
+        What rows scatter by themselves in each component, in units of what they state and not less than that; 0 of
+        one that nobody measured.
     grams : (3, r, r)
         Products of the columns of unit covariance with each other, each component's rows.
     gain : (n_parameters, r)
@@ -32,11 +33,16 @@ class SharedNoise:
 
     @property
     def mean_scatter(self) -> float:
-        """Mean of the components' scatter, by squares."""
-        return float(np.sqrt(np.mean(self.scatter**2)))
+        """Mean of the scatter of components that were measured, by squares."""
+        return float(np.sqrt(np.mean(self.scatter[self.scatter > 0.0] ** 2)))
 
     def scatter_root(self, *, beyond: float = 0.0) -> Numbers:
         """Give the root (n_parameters, r) of the covariance by scatter, beyond so many stated standard deviations."""
         variance = np.maximum(self.scatter**2 - beyond**2, 0.0)
-        value, vector = np.linalg.eigh(np.einsum("c,cij->ij", variance, self.grams))
-        return np.asarray(self.gain @ (vector * np.sqrt(np.maximum(value, 0.0))))
+        return np.asarray(self.gain @ root_of(np.einsum("c,cij->ij", variance, self.grams)))
+
+
+def root_of(covariance: Numbers) -> Numbers:
+    """Give R (r, r) with R Rᵀ = a covariance of numbers of one unit."""
+    value, vector = np.linalg.eigh(covariance)
+    return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))

@@ -417,7 +417,7 @@ class _Design:
         most = -math.inf
         while True:
             best = max(self._designs_beside(found), key=lambda one: one[0], default=(most, found))
-            if best[0] <= most:
+            if not best[0] > most:
                 return [self.degrees[place] for place in sorted(found)], most
             most, found = best
 

@@ -212,7 +212,7 @@ class Fitted(KeepsWorkedOut):
 
     @property
     def covariance_by_scatter(self) -> Numbers:
-        """`covariance` by how points scatter."""
+        """`covariance` by how points scatter; to be asked for before it counts what they share."""
         return self.covariance * (self.scatter / self.unit) ** 2
 
     @property

@@ -19,7 +19,7 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers, Sightings
 from geoerr.fit.variables import variable_columns
 from geoerr.machine import AXES
 from geoerr.model import FitRecord, HistoryEntry, Model
-from geoerr.model.fit_words import BETWEEN_PLACES, FAR_BELOW_STATED, OF_STATED, PLACES_LEFT_OUT
+from geoerr.model.fit_words import BETWEEN_PLACES, COUNTS_SHARED, FAR_BELOW_STATED, OF_STATED, PLACES_LEFT_OUT
 from geoerr.model.summary import model_html
 from geoerr.terms import RAW_VARIABLES, SESSION_NAME, has_span
 
@@ -69,6 +69,7 @@ class FitResult:
         return {
             **figures_document(fitted),
             "scale": fitted.scale,
+            "counts_shared": fitted.shared_noise is not None,
             "converged": fitted.solved.converged,
             "rank": fitted.solved.solution.rank,
             "unknowns": fitted.problem.n_columns,
@@ -133,7 +134,7 @@ def result_of(fitted: Fitted, history: Sequence[HistoryEntry] = ()) -> FitResult
         range_mm=moved,
         covariate_spans=spans,
         sessions=sessions,
-        noise=_numbers(_scatter(fitted) | _calibration(fitted)),
+        noise=_numbers(_scatter(fitted) | _shared(fitted) | _calibration(fitted)),
         figures=_numbers(
             {name: value for name, value in figures_document(fitted).items() if _is_plain(value)}
             | _freedom(fitted)
@@ -155,6 +156,11 @@ def _scatter(fitted: Fitted) -> dict[str, float]:
         return {"scatter_um": fitted.scale * _UM_PER_MM}
     share = fitted.share_of_stated
     return {"scale": fitted.scale} | ({OF_STATED: share} if share < FAR_BELOW_STATED else {})
+
+
+def _shared(fitted: Fitted) -> dict[str, float]:
+    """Say where standard uncertainties count what rows share; nothing where they share nothing."""
+    return {} if fitted.shared_noise is None else {COUNTS_SHARED: 1.0}
 
 
 def _calibration(fitted: Fitted) -> dict[str, float]:

@@ -25,10 +25,10 @@ import numpy as np
 
 from geoerr import _core
 from geoerr.distributions import chi_squared_sf
-from geoerr.fit.covariance_parts import SharedNoise
+from geoerr.fit.covariance_parts import SharedNoise, root_of
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.jumps import jump_places
-from geoerr.fit.noise_model import NoiseModel, NoiseSums, blocks_of, offset_weights
+from geoerr.fit.noise_model import Blocks, NoiseModel, NoiseSums, blocks_of, offset_weights
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import Parameter, Term
 
@@ -38,31 +38,51 @@ _SIGNIFICANCE = 0.01
 _N_SHARED = 9
 # Rows whose columns are made at once, and numbers of columns that are kept: 50 MB.
 _ROWS_AT_ONCE, _MOST_NUMBERS = 2048, 6_000_000
-# Steps to the scatter of rows that share nothing; each leaves a hundredth of what was missing.
-_STEPS = 4
+# Blocks of a session to whose rows the noise is fitted: that costs their cube. Every so manieth pass stands for all.
+_MOST_BLOCKS = 320
+# Steps to the scatter of rows that share nothing: but for what the columns take of it, the first is exact.
+_STEPS = 3
+_LEAST_SHARE = 1e-12
 
 
 def with_shared_noise(fitted: Fitted) -> Fitted:
     """Give a fit whose covariance and standard errors count what rows share; the same where they share nothing.
 
-    A fit to lengths stays as it is: they are differences, of passes that share no offset.
+    Lengths share no offset: they are differences, and have no part in it.
     """
     sightings, solved = fitted.sightings, fitted.solved
+    weights = offset_weights(sightings, solved.used) * ~sightings.of_kind("lengths")[:, None]
+    counts = np.asarray((weights > 0.0).any(axis=1))
     n_found = solved.solution.covariance_root.shape[1]
-    if sightings.has_lengths_only or sightings.n_passes < 2 or n_found == 0 or fitted.dof <= 0:
+    if len(np.unique(sightings.pass_number[counts])) < 2 or n_found == 0 or fitted.dof <= 0:
         return fitted
-    blocks, weights = blocks_of(sightings), offset_weights(sightings, solved.used)
-    columns = _Columns(fitted, weights, blocks.block, len(blocks))
-    some = columns.some
-    residual = (solved.whitened * (weights > 0.0))[some]
-    of_some = replace(blocks, block=blocks.block[some])
-    # Of every second row the columns are half as long, and must be orthonormal.
+    blocks = blocks_of(sightings)
+    some = _some(blocks, counts, 3 * n_found)
+    columns = _Columns(fitted, weights, blocks, some)
     basis = columns.of_some
     if len(some) < len(sightings):
+        # Of every second row the columns are half as long, and must be orthonormal.
         basis = _core.orthonormal_columns(basis.reshape(3 * len(some), -1), fitted.threads).reshape(len(some), 3, -1)
-    sums = NoiseSums(of_some, weights[some], residual, basis, threads=fitted.threads)
+    residual = solved.whitened[some] * (weights[some] > 0.0)
+    sums = NoiseSums(_of_rows(blocks, some), weights[some], residual, basis, threads=fitted.threads)
     noise = sums.fit()
-    return _counted(fitted, noise, columns) if _is_certain(sums, noise) else fitted
+    return _counted(fitted, replace(noise, blocks=blocks), columns) if _is_certain(sums, noise) else fitted
+
+
+def _some(blocks: Blocks, counts: np.ndarray, n_numbers: int) -> np.ndarray:
+    """Give the rows to which the noise is fitted: those that count, or evenly as many as need not too much."""
+    largest = max(own.stop - own.start for own in blocks.slices)
+    pass_of_row = blocks.pass_number[blocks.block]
+    of_passes = np.unique(pass_of_row, return_inverse=True)[1] % math.ceil(largest / _MOST_BLOCKS) == 0
+    some = np.flatnonzero(counts & of_passes)
+    return some[:: max(math.ceil(len(some) * n_numbers / _MOST_NUMBERS), 1)]
+
+
+def _of_rows(blocks: Blocks, some: np.ndarray) -> Blocks:
+    """Give the blocks of some rows."""
+    own, block = np.unique(blocks.block[some], return_inverse=True)
+    numbers = {"session": blocks.session[own], "pass_number": blocks.pass_number[own], "time": blocks.time[own]}
+    return replace(blocks, block=block, **numbers)
 
 
 class _Columns:
@@ -70,26 +90,26 @@ class _Columns:
 
     Attributes
     ----------
-    some : (k,)
-        Rows whose columns are kept: all of them, or evenly so many that their numbers are not too many.
     of_some : (k, 3, r)
-        Their columns.
+        Those of the rows to which the noise is fitted.
     grams : (3, r, r)
         Products of the columns with each other, each component's rows.
     by_block : (3, n_blocks, r)
         Sums over the rows of each block: what an offset of the block moves.
     """
 
-    def __init__(self, fitted: Fitted, weights: Numbers, block: np.ndarray, n_blocks: int) -> None:
+    def __init__(self, fitted: Fitted, weights: Numbers, blocks: Blocks, some: np.ndarray) -> None:
         root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
-        n_rows, rank = len(used), root.shape[1]
-        self.some = np.arange(0, n_rows, max(math.ceil(3 * n_rows * rank / _MOST_NUMBERS), 1))
+        n_rows, rank, block = len(used), root.shape[1], blocks.block
+        # The columns of a linear model are first order at the nominal machine, as the fit took them.
+        is_linear = all(one.is_fixed for term in fitted.terms for one in term.inner)
+        state = fitted.problem.start if is_linear else fitted.solved.state
         self.grams = np.zeros((3, rank, rank))
-        self.by_block = np.zeros((3, n_blocks, rank))
+        self.by_block = np.zeros((3, len(blocks), rank))
         kept = []
         for first in range(0, n_rows, _ROWS_AT_ONCE):
             last = min(first + _ROWS_AT_ONCE, n_rows)
-            design = fitted.problem.design(fitted.solved.design_state, used, first, last, fitted.threads)
+            design = fitted.problem.design(state, used, first, last, fitted.threads)
             columns = (design @ root).reshape(last - first, 3, rank)
             order = np.argsort(block[first:last], kind="stable")
             own, starts = np.unique(block[first:last][order], return_index=True)
@@ -97,7 +117,7 @@ class _Columns:
                 self.grams[component] += columns[:, component].T @ columns[:, component]
                 weighed = weights[first:last, component, None] * columns[:, component]
                 self.by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
-            kept.append(columns[self.some[(self.some >= first) & (self.some < last)] - first])
+            kept.append(columns[some[(some >= first) & (some < last)] - first])
         self.of_some = np.concatenate(kept)
 
 
@@ -111,29 +131,32 @@ def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
     alone = np.inf
     for _ in range(_STEPS):
         alone, gradient = sums.minus_twice_log_likelihood(logs)
-        logs[:, 0] -= gradient[:, 0] / n_numbers
+        # With a share r of the scatter it is n (1 − r), and ln r is what is missing.
+        logs[:, 0] += np.log(np.maximum(1.0 - gradient[:, 0] / n_numbers, _LEAST_SHARE))
     gain = alone + 2.0 * noise.log_likelihood
     return float(chi_squared_sf(gain, _N_SHARED)) < _SIGNIFICANCE
 
 
 def _moved(noise: NoiseModel, by_block: Numbers) -> Numbers:
-    """Give σ (A R)ᵀ Z C^(1/2), (r, k): what the offsets of all blocks move, one component beside another."""
-    sessions = [(component, own) for component in range(3) for own in noise.blocks.slices]
-    roots = [
-        noise.sigma[component] * by_block[component, own].T @ _root_of_session(noise, component, own)
-        for component, own in sessions
-    ]
-    return np.concatenate(roots, axis=1)
+    """Give the root (r, r) of Σ_c σ_c² (A_c R)ᵀ Z C_c Zᵀ (A_c R), what the offsets of all blocks move."""
+    covariance = np.zeros((by_block.shape[2],) * 2)
+    for component in range(3):
+        for own in noise.blocks.slices:
+            moved = by_block[component, own]
+            shared = np.zeros_like(moved)
+            for first in range(0, len(moved), _ROWS_AT_ONCE):
+                some = slice(first, first + _ROWS_AT_ONCE)
+                shared[some] = _shared_offsets(noise, component, own, some) @ moved
+            covariance += noise.sigma[component] ** 2 * moved.T @ shared
+    return root_of(covariance)
 
 
-def _root_of_session(noise: NoiseModel, component: int, own: slice) -> Numbers:
-    """Give C^(1/2) of the blocks of one session."""
-    blocks = noise.blocks
-    same_pass = blocks.pass_number[own, None] == blocks.pass_number[None, own]
-    apart = np.abs(blocks.time[own, None] - blocks.time[None, own])
+def _shared_offsets(noise: NoiseModel, component: int, own: slice, some: slice) -> Numbers:
+    """Give C of some blocks of a session and all of them, in units of σ²."""
+    number, time = noise.blocks.pass_number[own], noise.blocks.time[own]
     offset, drift, memory = (float(one[component]) for one in (noise.offset, noise.drift, noise.memory))
-    value, vector = np.linalg.eigh(offset**2 * same_pass + drift**2 * np.exp(-apart / memory))
-    return np.asarray(vector * np.sqrt(np.maximum(value, 0.0)))
+    apart = np.abs(time[some, None] - time[None, :])
+    return np.asarray(offset**2 * (number[some, None] == number[None, :]) + drift**2 * np.exp(-apart / memory))
 
 
 def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
@@ -148,7 +171,9 @@ def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
     gain[places] = fitted.root[: len(places)]
     gain[jumps] = 0.0
     least = 1.0 if fitted.sightings.is_stated else 0.0
-    scatter = np.clip(noise.sigma, least, max(fitted.unit, least))
+    # Of a component that nobody measured nothing is moved.
+    is_used = np.einsum("cii->c", columns.grams) > 0.0
+    scatter = np.where(is_used, np.maximum(noise.sigma, least), 0.0)
     shared = SharedNoise(scatter, columns.grams, gain, gain @ _moved(noise, columns.by_block))
     by_prior = fitted.unit**2 * (np.eye(gain.shape[1]) - columns.grams.sum(axis=0))
     by_scatter = np.einsum("c,cij->ij", scatter**2, columns.grams)

@@ -30,6 +30,7 @@ from geoerr.identify.squareness import PAIRS
 from geoerr.identify.straightness import TangentVerdict, judged
 from geoerr.machine import AXES, Machine
 from geoerr.model.called import check_machine, check_tables, one_or_several
+from geoerr.model.fit_words import SHARED_WORDS
 from geoerr.observations import CircularTest, Lengths, MeasuredTable, Observations
 
 # Tables have no more entries than this: where an axis stood at more places, they are spread evenly over them.
@@ -280,7 +281,9 @@ def _notes(
     if fitted.outliers:
         rows = ", ".join(str(outlier.row + 1) for outlier in fitted.outliers[:8])
         notes.append(f"{len(fitted.outliers)} gross outliers were left out: rows {rows}")
-    if fitted.sightings.is_stated and fitted.scale > 1.0:
+    if fitted.shared_noise is not None:
+        notes.append(SHARED_WORDS)
+    elif fitted.sightings.is_stated and fitted.scale > 1.0:
         notes.append(
             f"the scatter is {fitted.scale:.2f} times what the stated uncertainties say: standard uncertainties are "
             "multiplied by that"

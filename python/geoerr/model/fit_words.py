@@ -53,6 +53,11 @@ SETTLE = (
 )
 
 
+# Of a record's `noise`: 1 where standard uncertainties count what rows share, and so no factor alone.
+COUNTS_SHARED = "counts_shared"
+SHARED_WORDS = "rows share offsets of their passes or a drift: standard uncertainties count that"
+
+
 def other_figures(figures: Mapping[str, float]) -> list[str]:
     """Name the figures that have neither a name on paper nor a sentence."""
     return [name for name in figures if name not in FIGURES and name not in _IN_SENTENCES]
@@ -65,7 +70,9 @@ def fit_sentences(figures: Mapping[str, float], noise: Mapping[str, float]) -> I
     if "lack_of_fit_p" in figures:
         yield lack_of_fit_words(p_value, beyond_um, math.isfinite(figures.get("noise_floor_um", math.nan)))
     scale, scatter_um = noise.get("scale", math.nan), noise.get("scatter_um", math.nan)
-    if scale > 1.0:
+    if noise.get(COUNTS_SHARED, 0.0) > 0.0:
+        yield SHARED_WORDS
+    elif scale > 1.0:
         yield (
             f"the points scatter {scale:.2f} times as far as stated: standard uncertainties are larger by that factor"
         )

@@ -73,7 +73,7 @@ _CODES = (
 # Parking and changes of filament, by numbers that no other machine has.
 _PAUSES = _codes((600, 602), 701, 702)
 
-_COMMAND = re.compile(rb"\s*(?:[Nn]\s*\d+\s*)?([A-Za-z]\d[\d.]*(?![\d._])|[\w.]*)")
+_COMMAND = re.compile(rb"\s*(?:/\d?\s*)?(?:[Nn]\s*\d+\s*)?(?:/\d?\s*)?([A-Za-z]\d[\d.]*(?![\d._])|[\w.]*)")
 
 
 def is_still_name(name: bytes) -> bool:

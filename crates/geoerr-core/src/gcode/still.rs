@@ -186,12 +186,12 @@ pub fn is_pause(code: u32) -> bool {
 
 /// Name of the command that a line begins with, in capitals: `START_PRINT`, `M600`, `T1`.
 pub fn command_name(body: &[u8]) -> Vec<u8> {
-    let body = body.trim_ascii_start();
+    let body = behind_block_skip(body);
     let numbered = body.strip_prefix(b"N").or_else(|| body.strip_prefix(b"n"));
     let behind = match numbered.map(|rest| rest.trim_ascii_start()) {
         Some(rest) if rest.first().is_some_and(u8::is_ascii_digit) => {
             let n_digits = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
-            rest[n_digits..].trim_ascii_start()
+            behind_block_skip(&rest[n_digits..])
         }
         _ => body,
     };
@@ -202,6 +202,14 @@ pub fn command_name(body: &[u8]) -> Vec<u8> {
     let n_code = 1 + name.iter().skip(1).take_while(|byte| byte.is_ascii_digit() || **byte == b'.').count();
     let is_code = n_code > 1 && name.get(n_code) != Some(&b'_');
     (if is_code { &name[..n_code] } else { name }).to_ascii_uppercase()
+}
+
+/// A line without the `/`, or `/1` to `/9`, that it may begin with.
+fn behind_block_skip(body: &[u8]) -> &[u8] {
+    let body = body.trim_ascii_start();
+    let Some(behind) = body.strip_prefix(b"/") else { return body };
+    let is_numbered = behind.first().is_some_and(u8::is_ascii_digit);
+    behind[usize::from(is_numbered)..].trim_ascii_start()
 }
 
 #[cfg(test)]
@@ -220,6 +228,8 @@ mod tests {
         for (line, name) in [
             ("  _on_layer_change Z=5", "_ON_LAYER_CHANGE"),
             ("N12 M600", "M600"),
+            ("/M600", "M600"),
+            ("/1 N7 /T1", "T1"),
             ("M600X5 ; change", "M600"),
             ("T0_LOAD A=1", "T0_LOAD"),
             ("t1;next", "T1"),

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from geoerr.distributions import never_zero
 from geoerr.summaries import p_text, p_words
 from geoerr.terms import EffectReference
 
@@ -43,7 +44,7 @@ class AskedFor:
     @property
     def p_value(self) -> float:
         """That chance does as much in any of the questions (Bonferroni), the search not counted."""
-        return min(self.n_questions * math.exp(-self.surprise), 1.0)
+        return never_zero(min(self.n_questions * math.exp(-self.surprise), 1.0))
 
     def words(self) -> str:
         """Say it, and what it is beside the search: the level is halved between the two."""

@@ -90,7 +90,8 @@ class Round:
         """
         # That the smaller of two is so small (Šidák).
         searched = self.p_searched
-        return 1.0 - (1.0 - min(searched, self.p_asked)) ** 2 if self.is_halved else searched
+        least = min(searched, self.p_asked)
+        return least * (2.0 - least) if self.is_halved else searched
 
     def p_value_of(self, surprise: float) -> float:
         """Give the p-value of a candidate that surprises so much."""

@@ -35,9 +35,9 @@ from geoerr.fit.sightings import SAME_POSITION_MM, Numbers
 from geoerr.machine import AXES
 from geoerr.terms import EffectReference
 
-# More places than these are taken together in as many cells, between whose middles an error runs straight.
 # A wave of fewer turns on the way of an axis bends no more often than errors of guideways do.
 _FEWEST_TURNS = 2.0
+# More places than these are taken together in as many cells, between whose middles an error runs straight.
 _FEWEST_PLACES, _MOST_PLACES = 3, 100
 # How rough errors may be, in units of what the data can see.
 ROUGH_SIZES = np.geomspace(1e-3, 1e6, 73)
@@ -138,10 +138,11 @@ def rough_error(bench: Bench, looked: Round, claim: Judged, settled: Settled) ->
     return RoughError(axis, len(places_mm), wave, period_mm, channels_of(claim), probe), columns
 
 
-def is_smooth_beside_held(bench: Bench, claim: Judged, settled: Settled) -> bool:
-    """Tell whether a wave along an axis makes too few turns to be told from a smooth error, where the model is held.
+def may_be_smooth(bench: Bench, claim: Judged, settled: Settled) -> bool:
+    """Tell whether a wave makes too few turns to be told from a smooth error of its axis that no fit follows.
 
-    A straightness that is another by now bends as often. Where the model's own functions are free they follow that.
+    A straightness that is another by now, beside a model that is held, bends as often; so does one that the model has
+    no function for. Where its own functions are free they follow that.
     """
     term = settled.term
     place = None if term is None else place_of_period(term)

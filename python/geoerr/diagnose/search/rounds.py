@@ -46,7 +46,7 @@ from geoerr.diagnose.search.nameless import (
 from geoerr.diagnose.search.once_more import by_first_names, once_more
 from geoerr.diagnose.search.own_noise import in_own_noise
 from geoerr.diagnose.search.rivals import Found, Rival, rivals_of
-from geoerr.diagnose.search.rough import RoughError, is_smooth_beside_held, rough_error
+from geoerr.diagnose.search.rough import RoughError, may_be_smooth, rough_error
 from geoerr.diagnose.search.settle import Settled, settle
 from geoerr.diagnose.search.uneven_waves import UnevenWaves
 from geoerr.diagnose.space import Space
@@ -503,7 +503,7 @@ def _why_not(
         return "may be what a larger one leaves of itself"
     if not is_one_wave(bench.functions, settled):
         return "not the same wave all along the axis"
-    if is_smooth_beside_held(bench, best, settled):
+    if may_be_smooth(bench, best, settled):
         return "a smooth error of the axis does as much"
     return None if _helps(bench, settled, best, added) else "no better held out"
 
