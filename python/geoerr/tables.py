@@ -30,7 +30,7 @@ _NO_TABLES = (".json", ".toml")
 _MOST_OF_A_MESSAGE = 200
 _COMMENT = "#"
 # What loggers write where a sensor said nothing.
-_UNKNOWN = ("n/a", "na", "#n/a", "null", "-", "--", "?")
+_UNKNOWN = ("n/a", "na", "#n/a", "null", "none", "-", "--", "?")
 _NOT_A_NUMBER = "{value!r} is not a number"
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}

@@ -176,3 +176,20 @@ def test_many_rows_are_thinned_for_the_noise_alone(monkeypatch: pytest.MonkeyPat
     ratio = np.sqrt(np.diagonal(thinned.covariance) / np.diagonal(whole.covariance))
     assert (np.abs(ratio - 1.0) < 0.25).all()
     assert (ratio != 1.0).any()
+
+
+def test_what_a_prior_knew_keeps_its_part() -> None:
+    options = FitOptions(freedom="smooth", threads=1)
+    fitted = fit_model(MACHINE, _observations(2, offset_um=4.0), components="12", options=options).fitted
+    assert fitted.prior is not None
+    assert fitted.shared_noise is not None
+    assert (np.diagonal(fitted.covariance) >= 0.0).all()
+    gain = fitted.shared_noise.gain
+    by_prior = gain @ (fitted.prior @ fitted.solved.solution.covariance_root).T
+    scatter, shared = fitted.shared_noise.scatter_root(), fitted.shared_noise.root
+    expected = sum(fitted.unit**n * part @ part.T for n, part in ((2, by_prior), (0, scatter), (0, shared)))
+    np.testing.assert_allclose(fitted.covariance, expected, rtol=1e-9, atol=1e-12 * np.abs(fitted.covariance).max())
+    # All the noise of unit size, and what the prior knew, are the unit covariance.
+    whole = np.einsum("cij->ij", fitted.shared_noise.grams)
+    own = fitted.prior @ fitted.solved.solution.covariance_root
+    np.testing.assert_allclose(whole + own.T @ own, np.eye(len(whole)), atol=1e-6)

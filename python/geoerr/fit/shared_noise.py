@@ -175,9 +175,12 @@ def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
     is_used = np.einsum("cii->c", columns.grams) > 0.0
     scatter = np.where(is_used, np.maximum(noise.sigma, least), 0.0)
     shared = SharedNoise(scatter, columns.grams, gain, gain @ _moved(noise, columns.by_block))
-    by_prior = fitted.unit**2 * (np.eye(gain.shape[1]) - columns.grams.sum(axis=0))
-    by_scatter = np.einsum("c,cij->ij", scatter**2, columns.grams)
-    covariance = gain @ (by_scatter + by_prior) @ gain.T + shared.root @ shared.root.T
+    parts = [shared.scatter_root(), shared.root]
+    if fitted.prior is not None:
+        parts.append(fitted.unit * gain @ (fitted.prior @ fitted.solved.solution.covariance_root).T)
+    # Of a root: no variance becomes negative by rounding.
+    root = np.concatenate(parts, axis=1)
+    covariance = root @ root.T
     covariance[jumps, jumps] = fitted.covariance[jumps, jumps]
     errors = np.sqrt(np.maximum(np.diagonal(covariance), 0.0)).tolist()
     terms = _with_errors(fitted.terms, errors[:n_coefficients], errors[n_coefficients:])
