@@ -41,17 +41,13 @@ class Estimator:
 
     def __init__(self, fitted: Fitted) -> None:
         self.fitted = fitted
-        inner = [parameter for term in fitted.terms for parameter in term.inner]
-        free = [place for place, parameter in enumerate(inner) if not parameter.is_fixed]
-        n_coefficients = fitted.compiled.n_coefficients
-        self.places = [*range(n_coefficients), *(n_coefficients + place for place in free)]
+        self.places = fitted.places_of_unknowns
         self.n_parameters = len(owners_of(fitted.terms))
         # Rows along which free directions stay smallest: what the data say is the same for both factors.
         self.covariance = fitted.root @ np.asarray(fitted.solved.solution.covariance_root).T
         self.gain = self.covariance[: len(self.places)]
-        # The columns of a linear model are first order at the nominal machine, as the fit took them.
-        self.state = fitted.solved.state if free else fitted.problem.start
-        self.is_linear = not free
+        self.state = fitted.state_of_columns
+        self.is_linear = len(self.places) == fitted.compiled.n_coefficients
         self.row_scale = fitted.solved.used.astype(np.float64)
         self.prior = np.zeros((0, len(self.covariance))) if fitted.prior is None else fitted.prior
         self.is_calibration = self.prior[:, fitted.problem.first_shared_column :].any(axis=1)

@@ -135,6 +135,19 @@ class Fitted(KeepsWorkedOut):
         """Size of one standard deviation among the whitened residuals; 1 where nothing tells their scatter."""
         return self.scale if math.isfinite(self.scale) and self.scale > 0.0 else 1.0
 
+    @property
+    def places_of_unknowns(self) -> list[int]:
+        """Where the model's unknowns, in the order of their columns, stand among all parameters; others are fixed."""
+        first = self.compiled.n_coefficients
+        inner = [parameter for term in self.terms for parameter in term.inner]
+        return [*range(first), *(first + place for place, one in enumerate(inner) if not one.is_fixed)]
+
+    @property
+    def state_of_columns(self) -> _core.FitState:
+        """Where the columns are to be made: of a linear model at the nominal machine, as the fit took them."""
+        is_linear = len(self.places_of_unknowns) == self.compiled.n_coefficients
+        return self.problem.start if is_linear else self.solved.state
+
     @cached_property
     def residual_mm(self) -> Numbers:
         """Measured minus predicted in base axes, (n, 3); radii, and lengths at second ends, in the first one."""

@@ -101,15 +101,12 @@ class _Columns:
     def __init__(self, fitted: Fitted, weights: Numbers, blocks: Blocks, some: np.ndarray) -> None:
         root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
         n_rows, rank, block = len(used), root.shape[1], blocks.block
-        # The columns of a linear model are first order at the nominal machine, as the fit took them.
-        is_linear = all(one.is_fixed for term in fitted.terms for one in term.inner)
-        state = fitted.problem.start if is_linear else fitted.solved.state
         self.grams = np.zeros((3, rank, rank))
         self.by_block = np.zeros((3, len(blocks), rank))
         kept = []
         for first in range(0, n_rows, _ROWS_AT_ONCE):
             last = min(first + _ROWS_AT_ONCE, n_rows)
-            design = fitted.problem.design(state, used, first, last, fitted.threads)
+            design = fitted.problem.design(fitted.state_of_columns, used, first, last, fitted.threads)
             columns = (design @ root).reshape(last - first, 3, rank)
             order = np.argsort(block[first:last], kind="stable")
             own, starts = np.unique(block[first:last][order], return_index=True)
@@ -162,12 +159,10 @@ def _shared_offsets(noise: NoiseModel, component: int, own: slice, some: slice) 
 def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
     """Give the fit with the covariance by this noise."""
     n_coefficients = fitted.compiled.n_coefficients
-    inner = [one for term in fitted.terms for one in term.inner]
-    free = [n_coefficients + place for place, one in enumerate(inner) if not one.is_fixed]
-    places = [*range(n_coefficients), *free]
     # How sure the moment of a jump is follows from no derivative.
     jumps = [n_coefficients + place for place, is_jump in enumerate(_are_jumps(fitted.terms)) if is_jump]
     gain = np.zeros((len(fitted.covariance), columns.grams.shape[1]))
+    places = fitted.places_of_unknowns
     gain[places] = fitted.root[: len(places)]
     gain[jumps] = 0.0
     least = 1.0 if fitted.sightings.is_stated else 0.0
