@@ -10,15 +10,16 @@ use super::lines::{LineSpan, Lines};
 use super::options::Options;
 use super::path::{Node, PathMap, SplitError};
 use super::plain::PlainMove;
-use super::reader::{Move, Reader, Step};
+use super::reader::{Move, Reader, Step, Target};
 use super::report::excerpt;
+use super::usual::{Run, UsualMove};
 
 /// Lines of a block at most: few enough that its moves stay in the cache from reading to writing, and so many that
 /// threads seldom wait for each other.
-const BLOCK_LINES: usize = 2_048;
+const BLOCK_LINES: usize = 6_144;
 
 /// Moves and knot crossings of a block at most: what bounds the number of pieces, and so the memory, of a block.
-const BLOCK_WORK: usize = 8_192;
+const BLOCK_WORK: usize = 24_576;
 
 /// Moves that are solved together.
 pub const MOVES_PER_TASK: usize = 64;
@@ -26,7 +27,7 @@ pub const MOVES_PER_TASK: usize = 64;
 /// What begins the comment that says a program is corrected.
 pub const MARK: &str = "corrected by geoerr: model ";
 
-/// A line of a block.
+/// A line of a block, or a run of lines.
 #[derive(Debug)]
 pub struct Item {
     start: u32,
@@ -36,7 +37,7 @@ pub struct Item {
     pub step: ItemStep,
 }
 
-/// What becomes of a line.
+/// What becomes of a line, or of a run.
 #[derive(Clone, Copy, Debug)]
 pub enum ItemStep {
     /// It passes, and does nothing.
@@ -48,6 +49,8 @@ pub enum ItemStep {
         /// Whether the program's comments so far are in parentheses.
         comments_in_parentheses: bool,
     },
+    /// The next of the block's runs.
+    Run,
 }
 
 /// What becomes of a move beside its end.
@@ -66,6 +69,19 @@ pub enum Way {
     Refused(SplitError),
 }
 
+/// The end of a move and the way to it.
+#[derive(Clone, Copy, Debug)]
+pub struct EndOfMove<'a> {
+    /// Which of the block's moves.
+    pub index: usize,
+    /// Where it ends.
+    pub target: &'a Target,
+    /// The command for it; None where it is refused.
+    pub solved: Option<&'a Solved>,
+    /// The way to it.
+    pub way: Way,
+}
+
 /// Some lines, the moves among them, and what becomes of those. Kept and filled again, so that its memory is.
 #[derive(Debug, Default)]
 pub struct Block {
@@ -76,8 +92,14 @@ pub struct Block {
     pub items: Vec<Item>,
     /// What passed lines do.
     pub effects: Vec<Effects>,
-    /// The moves.
+    /// Where its moves end.
+    pub targets: Vec<Target>,
+    /// Those of them that are in no run.
     pub moves: Vec<Move>,
+    /// Runs of usual moves.
+    pub runs: Vec<Run>,
+    /// Their moves.
+    pub usual: Vec<UsualMove>,
     /// How each of them approaches its places; empty where the machine's errors do not depend on it.
     pub courses: Vec<Course>,
     /// The end of each move; None where it is refused.
@@ -109,16 +131,62 @@ impl Block {
         self.text.get(item.start as usize..).unwrap_or_default()
     }
 
-    /// The pieces of a move that has several.
-    pub fn pieces_of(&self, a_move: usize, first: u32, behind: u32) -> &[Node] {
-        let pieces = self.pieces.get(a_move / MOVES_PER_TASK).map_or(&[][..], Vec::as_slice);
-        pieces.get(first as usize..behind as usize).unwrap_or_default()
+    /// A usual move and all behind it.
+    #[inline]
+    pub fn text_of_usual(&self, usual: &UsualMove) -> &[u8] {
+        self.text.get(usual.start as usize..).unwrap_or_default()
+    }
+
+    /// Where its moves end, one after the other.
+    pub fn ends_of_moves(&self) -> impl Iterator<Item = EndOfMove<'_>> {
+        let ends = self.targets.iter().zip(self.ends.iter().zip(&self.ways)).enumerate();
+        ends.map(|(index, (target, (solved, &way)))| EndOfMove {
+            index,
+            target,
+            solved: solved.as_ref(),
+            way,
+        })
+    }
+
+    /// The nodes that a move is commanded by.
+    ///
+    /// # Errors
+    /// Why there are none.
+    #[inline]
+    pub fn nodes_of<'a>(&'a self, end: &EndOfMove<'a>) -> Result<&'a [Node], SplitError> {
+        match (end.way, end.solved) {
+            (Way::Pieces { first, behind }, _) => {
+                let pieces = self.pieces.get(end.index / MOVES_PER_TASK).map_or(&[][..], Vec::as_slice);
+                Ok(pieces.get(first as usize..behind as usize).unwrap_or_default())
+            }
+            (Way::Whole, Some(solved)) => Ok(std::slice::from_ref(&solved.node)),
+            (Way::Refused(error), _) => Err(error),
+            (Way::Whole, None) => Err(SplitError::NotSolved(f64::NAN)),
+        }
     }
 
     /// A line as it came.
     #[inline]
     pub fn whole_line(&self, item: &Item) -> &[u8] {
         self.text.get(item.start as usize..item.next as usize).unwrap_or_default()
+    }
+}
+
+/// What a block still has room for.
+struct Room {
+    lines: usize,
+    /// Moves and knot crossings.
+    work: usize,
+}
+
+impl Room {
+    fn is_left(&self) -> bool {
+        self.lines > 0 && self.work > 0
+    }
+
+    /// A move may be more work than there is room for: it is the last then.
+    fn take_work(&mut self, work: usize) {
+        self.work = self.work.saturating_sub(work);
     }
 }
 
@@ -160,17 +228,28 @@ impl BlockReader {
 
     /// Fills a block; false where there were not enough lines.
     pub fn fill(&mut self, block: &mut Block, lines: &mut Lines, map: &impl PathMap) -> bool {
+        self.fill_here(block, lines, map)
+    }
+
+    #[inline(always)]
+    fn fill_here(&mut self, block: &mut Block, lines: &mut Lines, map: &impl PathMap) -> bool {
         block.items.clear();
         block.effects.clear();
+        block.runs.clear();
+        block.usual.clear();
         self.swap_moves(block);
+        self.reader.targets.clear();
         self.reader.moves.clear();
         self.reader.courses.clear();
         block.refusal = None;
         block.first_line = self.reader.summary.lines + 1;
         let base = lines.next_start();
-        let mut work = 0;
+        let mut room = Room { lines: BLOCK_LINES, work: BLOCK_WORK };
         let mut is_full = true;
-        while !self.has_refused && block.items.len() < BLOCK_LINES && work < BLOCK_WORK {
+        while !self.has_refused && room.is_left() {
+            if self.fill_run(block, lines, base, map, &mut room) && !room.is_left() {
+                break;
+            }
             match self.next_line(lines) {
                 Ok(Some((line, step))) => {
                     let step = match step {
@@ -180,7 +259,7 @@ impl BlockReader {
                             ItemStep::Do
                         }
                         Step::Correct => {
-                            work += 1 + self.crossings(map);
+                            room.take_work(1 + self.crossings(map));
                             let reader = &self.reader;
                             let comments_in_parentheses = reader.comments_in_parentheses();
                             ItemStep::Correct { comments_in_parentheses }
@@ -191,6 +270,7 @@ impl BlockReader {
                     let (start, end, next) =
                         (from_base(line.start), from_base(line.end), from_base(line.next));
                     block.items.push(Item { start, end, next, step });
+                    room.lines -= 1;
                 }
                 Ok(None) => {
                     is_full = false;
@@ -208,8 +288,42 @@ impl BlockReader {
         is_full && !self.has_refused
     }
 
+    /// Reads usual moves as long as they come one behind another; false where none does.
+    #[inline(always)]
+    fn fill_run(
+        &mut self,
+        block: &mut Block,
+        lines: &mut Lines,
+        base: usize,
+        map: &impl PathMap,
+        room: &mut Room,
+    ) -> bool {
+        let Some((mut run, origin_mm)) = self.reader.begin_run() else { return false };
+        while room.is_left() {
+            let start = lines.next_start();
+            let rest = lines.buffer().get(start..).unwrap_or_default();
+            let Some(mut usual) = UsualMove::read(rest) else { break };
+            if !self.reader.take_usual(&mut usual, origin_mm) {
+                break;
+            }
+            usual.start = (start - base) as u32;
+            lines.skip_line(start + usize::from(usual.length), start + usual.length_with_end());
+            block.usual.push(usual);
+            run.n_moves += 1;
+            room.lines -= 1;
+            room.take_work(1 + self.crossings(map));
+        }
+        if run.n_moves == 0 {
+            return false;
+        }
+        block.items.push(Item { start: 0, end: 0, next: 0, step: ItemStep::Run });
+        block.runs.push(run);
+        true
+    }
+
     /// The reader fills the block's own memory.
     fn swap_moves(&mut self, block: &mut Block) {
+        std::mem::swap(&mut self.reader.targets, &mut block.targets);
         std::mem::swap(&mut self.reader.moves, &mut block.moves);
         std::mem::swap(&mut self.reader.courses, &mut block.courses);
     }
@@ -239,7 +353,7 @@ impl BlockReader {
     /// Knots on the way to the end of the last move that was read.
     #[inline]
     fn crossings(&mut self, map: &impl PathMap) -> usize {
-        let Some(end_mm) = self.reader.moves.last().map(|a_move| a_move.end_mm) else { return 0 };
+        let Some(end_mm) = self.reader.targets.last().map(|target| target.end_mm) else { return 0 };
         let Some(begin_mm) = self.before_mm.replace(end_mm) else { return 0 };
         let crossed = |axis: usize| {
             if (end_mm[axis] - begin_mm[axis]).abs() < self.gap_mm[axis] {

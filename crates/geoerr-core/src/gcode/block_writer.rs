@@ -1,15 +1,16 @@
 //! Blocks of solved lines into bytes.
 
-use super::block::{Block, Item, ItemStep, MARK, Way};
+use super::block::{Block, EndOfMove, Item, ItemStep, MARK, Way};
 use super::draft::Draft;
 use super::error::GcodeError;
 use super::extrusion::{Share, in_mm};
 use super::options::{OnUnsupported, Options};
 use super::path::{Closeness, Node, SplitError};
-use super::reader::{AXIS_LETTERS, Move};
+use super::reader::{AXIS_LETTERS, Move, Target};
 use super::report::{Summary, WarningKind, Warnings, excerpt};
 use super::resting::Resting;
 use super::unsupported::Unsupported;
+use super::usual::{Run, UsualMove};
 use super::words::said_for_the_end;
 use super::writer::{SourceLine, Writer};
 
@@ -18,6 +19,7 @@ struct Outgoing<'a> {
     line: u64,
     source: SourceLine<'a>,
     a_move: &'a Move,
+    target: &'a Target,
     /// Whether the program's comments so far are in parentheses.
     comments_in_parentheses: bool,
 }
@@ -82,6 +84,7 @@ impl BlockWriter {
         outcome.and_then(|()| block.refusal.take().map_or(Ok(()), Err))
     }
 
+    #[inline(always)]
     fn write_lines(
         &mut self,
         block: &Block,
@@ -89,13 +92,15 @@ impl BlockWriter {
         options: &Options,
         is_nominal: bool,
     ) -> Result<(), GcodeError> {
-        let mut effects = block.effects.iter();
-        let mut moves = block.moves.iter().zip(block.ends.iter().zip(&block.ways)).enumerate();
+        let (mut effects, mut moves, mut runs) =
+            (block.effects.iter(), block.moves.iter(), block.runs.iter());
+        let mut usual_moves = block.usual.iter();
+        let mut ends = block.ends_of_moves();
         // Words in millimetres, and in inches.
         let has_too_few_digits =
             closeness.map(|closeness| !is_nominal && closeness.limit_mm < 0.5 * options.tolerance_mm);
-        for (item, line) in block.items.iter().zip(block.first_line..) {
-            let ending = block.ending(item);
+        let mut line = block.first_line;
+        for item in &block.items {
             match item.step {
                 ItemStep::Pass => self.pass(block, item),
                 ItemStep::Do => {
@@ -105,36 +110,52 @@ impl BlockWriter {
                     }
                 }
                 ItemStep::Correct { comments_in_parentheses } => {
-                    let Some((index, (a_move, (end, way)))) = moves.next() else { continue };
+                    let Some((a_move, end)) = moves.next().zip(ends.next()) else { continue };
                     let body = block.body(item);
-                    if has_too_few_digits[usize::from(a_move.is_inch)] {
-                        let digits = options.word_digits(a_move.is_inch);
-                        let tolerance_mm = options.tolerance_mm;
-                        return Err(GcodeError::TooFewDigits { line, digits, tolerance_mm });
+                    if has_too_few_digits[usize::from(end.target.is_inch)] {
+                        return Err(too_few_digits(line, end.target.is_inch, options));
                     }
-                    let nodes = match (*way, end) {
-                        (Way::Pieces { first, behind }, _) => block.pieces_of(index, first, behind),
-                        (Way::Whole, Some(end)) => std::slice::from_ref(&end.node),
-                        (Way::Refused(error), _) => return Err(refused(error, line, body)),
-                        (Way::Whole, None) => {
-                            return Err(refused(SplitError::NotSolved(f64::NAN), line, body));
-                        }
-                    };
-                    if let Some(course) = block.courses.get(index)
+                    let nodes = block.nodes_of(&end).map_err(|error| refused(error, line, body))?;
+                    if let Some(course) = block.courses.get(end.index)
                         && self.resting.is_turned(course, nodes, self.has_direction, options.tolerance_mm)
                     {
                         self.warnings.add(WarningKind::TurnedAtRest, line, body);
                     }
-                    let source = SourceLine { body, text: block.from(item), ending, usual_ending: &[] };
-                    let outgoing = Outgoing { line, source, a_move, comments_in_parentheses };
+                    let source = SourceLine {
+                        body,
+                        text: block.from(item),
+                        ending: block.ending(item),
+                        usual_ending: &[],
+                    };
+                    let outgoing =
+                        Outgoing { line, source, a_move, target: end.target, comments_in_parentheses };
                     self.write_move(&outgoing, nodes, options)?;
                 }
+                ItemStep::Run => {
+                    let Some(run) = runs.next() else { continue };
+                    if has_too_few_digits[0] {
+                        return Err(too_few_digits(line, false, options));
+                    }
+                    for (usual, end) in usual_moves.by_ref().take(run.n_moves).zip(ends.by_ref()) {
+                        self.write_usual(block, run, usual, &end, line, options)?;
+                        line += 1;
+                    }
+                    self.see_ending(b"\n");
+                    continue;
+                }
             }
-            if !ending.is_empty() && !is_same_ending(ending, &self.usual_ending) {
-                self.usual_ending = ending.to_vec();
-            }
+            self.see_ending(block.ending(item));
+            line += 1;
         }
         Ok(())
+    }
+
+    /// How the program ends its lines.
+    #[inline]
+    fn see_ending(&mut self, ending: &[u8]) {
+        if !ending.is_empty() && !is_same_ending(ending, &self.usual_ending) {
+            self.usual_ending = ending.to_vec();
+        }
     }
 
     /// A line as it came.
@@ -144,6 +165,37 @@ impl BlockWriter {
         self.draft.copy(block.from(item), 0, n_bytes);
     }
 
+    /// A usual move: most stay whole, and of those little has to be asked.
+    #[inline(always)]
+    fn write_usual(
+        &mut self,
+        block: &Block,
+        run: &Run,
+        usual: &UsualMove,
+        end: &EndOfMove<'_>,
+        line: u64,
+        options: &Options,
+    ) -> Result<(), GcodeError> {
+        let text = block.text_of_usual(usual);
+        if self.is_marked
+            && let (Way::Whole, Some(solved)) = (end.way, end.solved)
+            && is_in_reach(&solved.node, &self.reach_mm[0])
+            && self.writer.write_usual(&mut self.draft, text, run, usual, &solved.node)
+        {
+            self.count(line, end.target, std::slice::from_ref(&solved.node), usual.extrusion);
+            return Ok(());
+        }
+        let (body, behind) = text.split_at(text.len().min(usize::from(usual.length)));
+        let nodes = block.nodes_of(end).map_err(|error| refused(error, line, body))?;
+        let source = SourceLine { body, text, ending: &behind[..behind.len().min(1)], usual_ending: &[] };
+        let (a_move, comments_in_parentheses) = (&run.move_of(usual), run.comments_in_parentheses);
+        self.write_move(
+            &Outgoing { line, source, a_move, target: end.target, comments_in_parentheses },
+            nodes,
+            options,
+        )
+    }
+
     #[inline]
     fn write_move(
         &mut self,
@@ -151,8 +203,8 @@ impl BlockWriter {
         mut nodes: &[Node],
         options: &Options,
     ) -> Result<(), GcodeError> {
-        let &Outgoing { line, source: SourceLine { body, .. }, a_move, .. } = outgoing;
-        let reach_mm = &self.reach_mm[usize::from(a_move.is_inch)];
+        let &Outgoing { line, source: SourceLine { body, .. }, a_move, target, .. } = outgoing;
+        let reach_mm = &self.reach_mm[usize::from(target.is_inch)];
         if let Some(node) = nodes.iter().find(|node| !is_in_reach(node, reach_mm)) {
             return Err(out_of_reach(node, reach_mm, options, line, body));
         }
@@ -167,16 +219,23 @@ impl BlockWriter {
         }
         let begin = self.draft.length();
         let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
-        let written = self.writer.write(&mut self.draft, source, a_move, nodes);
+        let written = self.writer.write(&mut self.draft, source, a_move, target, nodes);
         if written.is_changed && !self.is_marked {
             self.is_marked = true;
             self.draft.insert(begin, &mark_line(outgoing.comments_in_parentheses, source, options));
         }
+        self.count(line, target, nodes, in_mm(written.extrusion, target.is_inch));
+        Ok(())
+    }
+
+    /// A move that has been written as these nodes, and extrudes so much, `10^-18` mm.
+    #[inline(always)]
+    fn count(&mut self, line: u64, target: &Target, nodes: &[Node], extrusion: i128) {
         let summary = &mut self.summary;
         summary.moves_out += nodes.len() as u64;
         summary.moves_corrected += 1;
-        summary.extrusion_out += in_mm(written.extrusion, a_move.is_inch);
-        for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(a_move.end_mm) {
+        summary.extrusion_out += extrusion;
+        for ((low_mm, high_mm), end_mm) in summary.box_mm.iter_mut().zip(target.end_mm) {
             // Few moves go further than all before: that is guessed rightly.
             if end_mm < *low_mm {
                 *low_mm = end_mm;
@@ -197,8 +256,13 @@ impl BlockWriter {
                 }
             }
         }
-        Ok(())
     }
+}
+
+#[cold]
+fn too_few_digits(line: u64, is_inch: bool, options: &Options) -> GcodeError {
+    let (digits, tolerance_mm) = (options.word_digits(is_inch), options.tolerance_mm);
+    GcodeError::TooFewDigits { line, digits, tolerance_mm }
 }
 
 /// Whether two ends of lines are the same: `\n`, `\r\n` or `\r`.

@@ -55,7 +55,7 @@ impl Decimal {
     }
 
     /// The nearest `f64` (exact to half a unit in the last place below 2^53, to one beyond).
-    #[inline]
+    #[inline(always)]
     pub fn to_f64(self) -> f64 {
         // 10^18 is exact in an f64: one rounding in the division.
         self.mantissa as f64 / POWERS_F64[usize::from(self.digits)]
@@ -68,6 +68,7 @@ impl Decimal {
     }
 
     /// The number in units of `10^-18`: sums of such numbers are exact.
+    #[inline]
     pub fn exact(self) -> i128 {
         i128::from(self.mantissa) * i128::from(POWERS[usize::from(18 - self.digits.min(18))])
     }
@@ -122,7 +123,7 @@ pub fn fixed(scaled: i64, digits: u8) -> ([u8; FIXED_BYTES], usize) {
 }
 
 /// Eight digits as they are written, of two numbers below 10,000: the first one's in the lower half.
-#[inline]
+#[inline(always)]
 fn twice_four_digits(first: u32, second: u32) -> u64 {
     // Divisions by multiplication, exact for numbers of that size: by 100, and then all halves by 10.
     let both = u64::from(first) | u64::from(second) << 32;
@@ -137,7 +138,7 @@ pub const SHORT_BYTES: usize = 16;
 
 /// Writes what [`fixed`] gives of numbers of usual size with usual digits; how many bytes it has. Those behind
 /// may be anything then.
-#[inline]
+#[inline(always)]
 pub fn short_fixed(place: &mut [u8; SHORT_BYTES], scaled: i64, digits: u8) -> Option<usize> {
     let size = u32::try_from(scaled.unsigned_abs()).ok()?;
     // Divisors that the compiler knows. Of five digits the last stands alone.

@@ -41,7 +41,7 @@ impl Draft {
     }
 
     /// Appends `text[from..to]`; the bytes behind may be read too.
-    #[inline]
+    #[inline(always)]
     pub fn copy(&mut self, text: &[u8], from: usize, to: usize) {
         let n_bytes = to.saturating_sub(from);
         if n_bytes <= AT_ONCE
@@ -58,7 +58,7 @@ impl Draft {
     }
 
     /// Appends one byte.
-    #[inline]
+    #[inline(always)]
     pub fn push(&mut self, byte: u8) {
         if let Some(place) = self.bytes.get_mut(self.length) {
             *place = byte;
@@ -67,7 +67,7 @@ impl Draft {
     }
 
     /// Appends `scaled / 10^digits`.
-    #[inline]
+    #[inline(always)]
     pub fn number(&mut self, scaled: i64, digits: u8) {
         if let Some(place) = self.bytes.get_mut(self.length..self.length + SHORT_BYTES)
             && let Ok(place) = place.try_into()

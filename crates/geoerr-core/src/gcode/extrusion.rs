@@ -72,6 +72,11 @@ impl Extrusion {
         Self { firmware, agreed: Some(false), ..Self::default() }
     }
 
+    /// Whether `E` is an increment, where all firmwares read the next one alike.
+    pub fn agreed(&self) -> Option<bool> {
+        self.agreed
+    }
+
     /// Whether all firmwares read the next word alike, now that something has changed.
     fn agree(&mut self) {
         let relative = Firmware::ALL.map(|firmware| self.is_relative(firmware));

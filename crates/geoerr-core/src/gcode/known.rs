@@ -59,6 +59,12 @@ impl Known {
     }
 }
 
+impl From<[f64; 3]> for Known {
+    fn from(numbers: [f64; 3]) -> Self {
+        Self(numbers)
+    }
+}
+
 impl From<[Option<f64>; 3]> for Known {
     fn from(numbers: [Option<f64>; 3]) -> Self {
         Self(numbers.map(|number| number.unwrap_or(f64::NAN)))

@@ -1,14 +1,16 @@
 //! Programs corrected for the machine they run on.
 //!
 //! ```text
-//! bytes ─ lines ─▶ plain moves ┐
+//! bytes ─ lines ─▶ usual moves ┐
+//!                  plain moves ┤
 //!                  lexer ─────┴▶ reader ─ moves ─▶ solver ─ nodes ─▶ writer ─▶ bytes
 //!                               (modes, frame)    (parallel)       (frame)
 //! ```
 //!
 //! A program is read line by line, in blocks, and written in the same order; while one block is read the one before is
 //! solved and the one before that is written ([`Rewriter`]). Lines that are no straight moves pass byte for
-//! byte. The end of each move is solved once ([`crate::newton`], by polynomials where a machine has a `Grid`); a move
+//! byte. Of moves that only give X, Y and E, one behind another, no more is kept than their numbers (`usual`); what is a
+//! straight move alone on its line needs no lexer (`plain`). The end of each move is solved once ([`crate::newton`], by polynomials where a machine has a `Grid`); a move
 //! whose path would leave the tolerance is split (from box to box of a `Grid`, or by [`path`]). The [`reader`](self) keeps
 //! the modes and where the program means the machine to be, the writer where the rewritten program puts it: after `G92`
 //! the two differ.
@@ -26,6 +28,7 @@ mod codes;
 mod course;
 mod decimal;
 mod draft;
+mod eight;
 mod error;
 mod extrusion;
 mod frame;
@@ -47,6 +50,7 @@ mod solver;
 mod still;
 mod term_path;
 mod unsupported;
+mod usual;
 mod wording;
 mod words;
 mod writer;

@@ -109,9 +109,10 @@ impl Patch {
     }
 
     /// The command for a target; right where it lies in the patch's own box: [`holds`](Self::holds).
-    #[inline]
-    pub fn command_for(&self, target_mm: &[f64; 3]) -> [f64; 3] {
-        self.correction.added_to(target_mm)
+    #[inline(always)]
+    pub fn command_for<A: Arithmetic>(&self, target_mm: &[f64; 3]) -> [f64; 3] {
+        let [x, y, z, _] = added::<A>(&self.correction, target_mm);
+        [x, y, z]
     }
 
     /// Where a command of the box puts the tool.

@@ -347,8 +347,9 @@ pub fn norm(v: &[f64; 3]) -> f64 {
     square(v).sqrt()
 }
 
+/// Its square.
 #[inline]
-fn square(v: &[f64; 3]) -> f64 {
+pub fn square(v: &[f64; 3]) -> f64 {
     v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
 }
 

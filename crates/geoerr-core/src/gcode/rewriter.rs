@@ -14,7 +14,7 @@ use super::report::{Movers, Summary, Warning};
 use super::solver::Solver;
 
 /// A call gives about as many bytes: calls from outside the threads that do the work are not free.
-const PULL_BYTES: usize = 1 << 18;
+const PULL_BYTES: usize = 1 << 20;
 
 /// Rewrites a program, block by block.
 ///

@@ -7,11 +7,15 @@ use super::course::Course;
 use super::grid::{Grid, Gridded, Near, Solved, Walk};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
-use super::reader::Move;
+use super::reader::Target;
+use crate::arithmetic::{Arithmetic, Kernel, run_widest};
 
 /// Share of the tolerance that is left to what the bound of [`split`] does not cover (terms beyond the quadratic, the
 /// turn of a rounding error by the machine): together they are orders below it.
 const MARGIN: f64 = 0.02;
+
+/// Tasks that a thread takes at once: with more, others would wait for the last that does.
+const TASKS_AT_ONCE: usize = 4;
 
 /// Remaining error of a solved command, where the tolerance does not ask for less.
 const NEWTON_MM: f64 = 1e-7;
@@ -24,6 +28,50 @@ struct Memory<'a, 'b> {
     crossings: Vec<f64>,
     /// Pieces of the task's moves.
     pieces: &'b mut Vec<Node>,
+}
+
+/// Moves that are solved together.
+struct Task<'a, 'b, M> {
+    solver: &'a Solver,
+    map: &'a M,
+    /// All moves of their block, and how they approach their places.
+    targets: &'b [Target],
+    courses: &'b [Course],
+    /// Which of the block's moves is the first.
+    first: usize,
+    /// Where the one before it ended.
+    last: Option<Solved>,
+    ends: &'b mut [Option<Solved>],
+    ways: &'b mut [Way],
+    memory: Memory<'a, 'b>,
+}
+
+impl<M: PathMap> Kernel for Task<'_, '_, M> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) {
+        let Self { solver, map, targets, courses, first, last, ends, ways, mut memory } = self;
+        let mut before = last.as_ref();
+        for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
+            let (target, course) = (&targets[index], courses.get(index));
+            if let Some(grid) = &solver.grid {
+                *end = grid.solve::<A>(map, &target.end_mm, &mut memory.near);
+            }
+            if end.is_none() {
+                match solver.end_by_newton(map, target, course) {
+                    Ok(solved) => *end = Some(solved),
+                    Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
+                }
+            }
+            if let Some(solved) = end
+                && let Some(other) = solver.other_way(map, target, course, before, solved, &mut memory)
+            {
+                *way = other;
+            }
+            before = end.as_ref();
+        }
+    }
 }
 
 /// Solves moves; knows where the last one ended.
@@ -55,45 +103,27 @@ impl Solver {
         if let Some(grid) = &mut self.grid {
             grid.tidy();
         }
-        let (moves, courses) = (&block.moves, &block.courses);
+        let (targets, courses) = (&block.targets, &block.courses);
         block.ends.clear();
-        block.ends.resize(moves.len(), None);
+        block.ends.resize(targets.len(), None);
         block.ways.clear();
-        block.ways.resize(moves.len(), Way::Whole);
-        let n_tasks = moves.len().div_ceil(MOVES_PER_TASK);
+        block.ways.resize(targets.len(), Way::Whole);
+        let n_tasks = targets.len().div_ceil(MOVES_PER_TASK);
         block.pieces.resize_with(n_tasks.max(block.pieces.len()), Vec::new);
         let ends = block.ends.par_chunks_mut(MOVES_PER_TASK);
         let ways = block.ways.par_chunks_mut(MOVES_PER_TASK);
         let tasks = ends.zip(ways.zip(&mut block.pieces)).enumerate();
-        tasks.for_each(|(task, (ends, (ways, pieces)))| {
+        tasks.with_max_len(TASKS_AT_ONCE).for_each(|(task, (ends, (ways, pieces)))| {
             pieces.clear();
             let first = task * MOVES_PER_TASK;
             let (near, walk, crossings) = (Near::default(), Walk::default(), Vec::new());
-            let mut memory = Memory { near, walk, crossings, pieces };
+            let memory = Memory { near, walk, crossings, pieces };
             // Solved twice rather than waited for.
             let last = match first.checked_sub(1) {
-                Some(before) => self.end(map, &moves[before], courses.get(before), &mut memory.near).ok(),
+                Some(before) => self.end(map, &targets[before], courses.get(before)).ok(),
                 None => self.last,
             };
-            let mut before = last.as_ref();
-            for (index, (end, way)) in (first..).zip(ends.iter_mut().zip(ways)) {
-                let (a_move, course) = (&moves[index], courses.get(index));
-                if let Some(grid) = &self.grid {
-                    *end = grid.solve(map, &a_move.end_mm, &mut memory.near);
-                }
-                if end.is_none() {
-                    match self.end_by_newton(map, a_move, course) {
-                        Ok(solved) => *end = Some(solved),
-                        Err(remaining_mm) => *way = Way::Refused(SplitError::NotSolved(remaining_mm)),
-                    }
-                }
-                if let Some(solved) = end
-                    && let Some(other) = self.other_way(map, a_move, course, before, solved, &mut memory)
-                {
-                    *way = other;
-                }
-                before = end.as_ref();
-            }
+            run_widest(Task { solver: self, map, targets, courses, first, last, ends, ways, memory });
         });
         if let Some(end) = block.ends.last() {
             self.last = *end;
@@ -101,25 +131,18 @@ impl Solver {
     }
 
     /// The end of a move; else the distance that the best command leaves.
-    #[inline]
-    fn end<'a>(
-        &'a self,
-        map: &impl PathMap,
-        a_move: &Move,
-        course: Option<&Course>,
-        near: &mut Near<'a>,
-    ) -> Result<Solved, f64> {
-        let by_grid = self.grid.as_ref().and_then(|grid| grid.solve(map, &a_move.end_mm, near));
-        by_grid.map_or_else(|| self.end_by_newton(map, a_move, course), Ok)
+    fn end(&self, map: &impl PathMap, target: &Target, course: Option<&Course>) -> Result<Solved, f64> {
+        let by_grid = self.grid.as_ref().and_then(|grid| grid.solved(map, &target.end_mm));
+        by_grid.map_or_else(|| self.end_by_newton(map, target, course), Ok)
     }
 
     fn end_by_newton(
         &self,
         map: &impl PathMap,
-        a_move: &Move,
+        target: &Target,
         course: Option<&Course>,
     ) -> Result<Solved, f64> {
-        let ideal_mm = a_move.end_mm;
+        let ideal_mm = target.end_mm;
         if map.is_nominal() {
             return Ok(Solved::by_newton(Node { share: 1.0, ideal_mm, command_mm: ideal_mm }));
         }
@@ -129,19 +152,19 @@ impl Solver {
     }
 
     /// The way to the end of a move; None where it is whole.
-    #[inline]
+    #[inline(always)]
     fn other_way<'a>(
         &'a self,
         map: &impl PathMap,
-        a_move: &Move,
+        target: &Target,
         course: Option<&Course>,
         begin: Option<&Solved>,
         end: &Solved,
         memory: &mut Memory<'a, '_>,
     ) -> Option<Way> {
         // A move from a place that no corrected move has reached has no straight path to keep.
-        let begin = begin.filter(|_| !a_move.is_first)?;
-        let closeness = &self.closeness[usize::from(a_move.is_inch)];
+        let begin = begin.filter(|_| !target.is_first)?;
+        let closeness = &self.closeness[usize::from(target.is_inch)];
         if let Some(grid) = &self.grid {
             if grid.is_straight(begin, end, &memory.near, closeness) {
                 return None;

@@ -36,7 +36,7 @@ const EXTRUDER: usize = 3;
 /// The line itself with new numbers, up to byte `end`; words of axes that it did not give behind the last that it gave.
 ///
 /// `source` begins with the line, and may go on.
-#[inline]
+#[inline(always)]
 pub fn first_piece(draft: &mut Draft, source: &[u8], end: usize, text: &MoveText, words: &PieceWords) {
     let mut line = Rewording { draft, source, text, words, at: 0 };
     if text.is_in_order {
@@ -63,21 +63,21 @@ struct Rewording<'a> {
 
 impl Rewording<'_> {
     /// As it is.
-    #[inline]
+    #[inline(always)]
     fn up_to(&mut self, end: usize) {
         self.draft.copy(self.source, self.at, end);
         self.at = end;
     }
 
     /// Another number behind the letter of a word of the line.
-    #[inline]
+    #[inline(always)]
     fn number(&mut self, span: Span, scaled: i64, digits: u8) {
         self.up_to(span.start as usize + 1);
         self.draft.number(scaled, digits);
         self.at = span.end as usize;
     }
 
-    #[inline]
+    #[inline(always)]
     fn axis(&mut self, axis: usize) {
         if let (Some(span), true) = (self.text.axes[axis], self.words.is_new[axis]) {
             self.number(span, self.words.steps[axis], self.words.digits);
@@ -85,7 +85,7 @@ impl Rewording<'_> {
     }
 
     /// Axes that the line did not give.
-    #[inline]
+    #[inline(always)]
     fn absent_axes(&mut self) {
         for axis in 0..3 {
             if self.words.is_new[axis] && self.text.axes[axis].is_none() {
@@ -95,7 +95,7 @@ impl Rewording<'_> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn extruder(&mut self) {
         if let (Some(span), PieceWord::New(units)) = (self.text.extruder, self.words.extruder) {
             self.number(span, units, self.words.extruder_digits);
@@ -148,7 +148,7 @@ pub fn further_piece(draft: &mut Draft, source: &[u8], text: &MoveText, words: &
     }
 }
 
-#[inline]
+#[inline(always)]
 fn axis_word(draft: &mut Draft, text: &MoveText, is_spaced: bool, axis: usize, words: &PieceWords) {
     if is_spaced {
         draft.push(b' ');

@@ -2,13 +2,14 @@
 
 use super::decimal::POWERS_F64;
 use super::draft::Draft;
-use super::frame::{Effects, Frame, KeptFrames};
+use super::frame::{Effects, Frame, KeptFrames, Motion};
 use super::known::Known;
 use super::options::{Options, unit_mm};
 use super::path::Node;
-use super::reader::Move;
+use super::reader::{Move, Target};
 use super::shares::Shares;
-use super::wording::{PieceWords, first_piece, further_piece};
+use super::usual::{Run, UsualMove};
+use super::wording::{PieceWord, PieceWords, first_piece, further_piece};
 
 /// A line as it comes in.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +36,7 @@ pub struct Written {
 /// How axis words are printed in one unit.
 #[derive(Clone, Copy, Debug)]
 struct Print {
+    is_inch: bool,
     digits: u8,
     unit_mm: f64,
     steps_per_unit: f64,
@@ -46,6 +48,7 @@ impl Print {
     fn new(options: &Options, is_inch: bool) -> Self {
         let digits = options.word_digits(is_inch);
         Self {
+            is_inch,
             digits,
             unit_mm: unit_mm(is_inch),
             steps_per_unit: POWERS_F64[usize::from(digits)],
@@ -93,15 +96,16 @@ impl Writer {
         draft: &mut Draft,
         line: SourceLine<'_>,
         a_move: &Move,
+        target: &Target,
         nodes: &[Node],
     ) -> Written {
-        self.must_give_all |= a_move.is_first;
-        let print = self.prints[usize::from(a_move.is_inch)];
+        self.must_give_all |= target.is_first;
+        let print = self.prints[usize::from(target.is_inch)];
         self.shares.set(a_move, nodes);
         let [first, further @ ..] = nodes else {
             return Written { is_changed: false, extrusion: a_move.extrusion };
         };
-        let words = self.words(a_move, first, 0, &print);
+        let words = self.words_of_piece(a_move, first, 0, &print);
         let is_whole = further.is_empty();
         let is_changed = !is_whole || words.is_new != [false; 3];
         draft.make_room(line.body.len() + line.ending.len());
@@ -112,6 +116,26 @@ impl Writer {
         }
         self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
         Written { is_changed, extrusion: self.shares.extrusion }
+    }
+
+    /// Writes a usual move as one line; false where that is more than its numbers, and nothing was written.
+    #[inline(always)]
+    pub fn write_usual(
+        &mut self,
+        draft: &mut Draft,
+        text: &[u8],
+        run: &Run,
+        usual: &UsualMove,
+        end: &Node,
+    ) -> bool {
+        if self.must_give_all {
+            return false;
+        }
+        let print = self.prints[0];
+        let words = self.words(&run.motion_of(usual), end, 0, &print);
+        draft.make_room(usual.length_with_end());
+        first_piece(draft, text, usual.length_with_end(), &usual.text(), &words);
+        true
     }
 
     /// Lines of further pieces, and the ends of all.
@@ -125,7 +149,7 @@ impl Writer {
     ) {
         let between = if line.ending.is_empty() { line.usual_ending } else { line.ending };
         for (piece, node) in (1..).zip(further) {
-            let words = self.words(a_move, node, piece, print);
+            let words = self.words_of_piece(a_move, node, piece, print);
             draft.make_room(line.body.len() + 2 * between.len());
             draft.copy(between, 0, between.len());
             further_piece(draft, line.text, &a_move.text, &words);
@@ -133,10 +157,17 @@ impl Writer {
         draft.copy(line.ending, 0, line.ending.len());
     }
 
-    /// The words of a piece, and the machine moved to where they say.
+    /// The words of a piece of a move, and the machine moved to where they say.
     #[inline]
-    fn words(&mut self, a_move: &Move, node: &Node, piece: usize, print: &Print) -> PieceWords {
-        let motion = &a_move.motion;
+    fn words_of_piece(&mut self, a_move: &Move, node: &Node, piece: usize, print: &Print) -> PieceWords {
+        let mut words = self.words(&a_move.motion, node, piece, print);
+        (words.extruder, words.extruder_digits) = (self.shares.of_piece(piece), self.shares.digits);
+        words
+    }
+
+    /// Those of the axes, and the machine moved to where they say.
+    #[inline(always)]
+    fn words(&mut self, motion: &Motion, node: &Node, piece: usize, print: &Print) -> PieceWords {
         // What is not known is near nothing.
         let near = |a_mm: f64, b_mm: f64| (a_mm - b_mm).abs() <= print.near_mm;
         // An end is known only where the begin of an increment is.
@@ -146,7 +177,7 @@ impl Writer {
         let wanted_mm: [f64; 3] = std::array::from_fn(|axis| node.command_mm[axis] - origin_mm[axis]);
         // All numbers are worked out, wanted or not: nothing has to be guessed on the way.
         let steps: [i64; 3] = std::array::from_fn(|axis| {
-            let word = if a_move.is_inch { wanted_mm[axis] / print.unit_mm } else { wanted_mm[axis] };
+            let word = if print.is_inch { wanted_mm[axis] / print.unit_mm } else { wanted_mm[axis] };
             rounded(word * print.steps_per_unit)
         });
         let is_kept: [bool; 3] = std::array::from_fn(|axis| near(old_mm[axis], wanted_mm[axis]));
@@ -162,8 +193,7 @@ impl Writer {
             let word_mm = if is_new[axis] { new_mm } else { old_mm[axis] };
             if word_mm.is_nan() { position_mm[axis] } else { origin_mm[axis] + word_mm }
         }));
-        let extruder = self.shares.of_piece(piece);
-        PieceWords { steps, is_new, digits: print.digits, extruder, extruder_digits: self.shares.digits }
+        PieceWords { steps, is_new, digits: print.digits, extruder: PieceWord::Kept, extruder_digits: 0 }
     }
 }
 

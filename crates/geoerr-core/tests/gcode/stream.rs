@@ -2,6 +2,7 @@
 
 use super::common::{Outcome, RANGE_MM, bent, options, passing, run, run_bytes};
 use geoerr_core::gcode::{Firmware, GcodeError, Options, Rewriter};
+use proptest::prelude::*;
 use std::fmt::Write as _;
 
 /// Some thousand lines: short moves, long ones that are split, other lines, changes of mode.
@@ -54,6 +55,73 @@ fn plain_lines_and_lines_that_only_the_lexer_reads_are_one_program() {
     assert_eq!(plain.summary, summary);
     let squeezed = |text: &str| text.replace(' ', "");
     assert_eq!(squeezed(plain.text()), squeezed(lexed.text()));
+}
+
+/// Lines that change what a usual move means, or end a run of them.
+const OTHER_LINES: [&str; 32] = [
+    "G90",
+    "G91",
+    "G90",
+    "G20",
+    "G21",
+    "G92 X5 Y5",
+    "G92 Z1",
+    "G92.1",
+    "G92 E0",
+    "M82",
+    "M83",
+    "G54",
+    "G55",
+    "G53 G0 X9 Y9",
+    "G28",
+    "G28 X",
+    "G68 R5",
+    "G69",
+    "G41 D1",
+    "G40",
+    "G93",
+    "G94",
+    "T1",
+    "M220 S50",
+    "; a comment",
+    "(another)",
+    "O1234",
+    "G1 Z3 F600",
+    "G0 X5 Y6",
+    "G1 X7 Y8 F900",
+    "G2 X1 Y1 I1",
+    "%",
+];
+
+fn line() -> impl Strategy<Value = String> {
+    let number = || prop_oneof![20 => 0_i32..400_000, 1 => -40_000_i32..460_000];
+    let usual = (number(), number(), proptest::option::of(-900_i32..9_000)).prop_map(|(x, y, e)| {
+        let number = |thousandths: i32| f64::from(thousandths) / 1000.0;
+        let e = e.map_or(String::new(), |e| format!(" E{}", number(e)));
+        format!("G1 X{} Y{}{e}", number(x), number(y))
+    });
+    prop_oneof![8 => usual, 1 => proptest::sample::select(&OTHER_LINES[..]).prop_map(str::to_owned)]
+}
+
+proptest! {
+    #[test]
+    fn a_run_of_usual_moves_means_what_its_lines_mean(
+        lines in proptest::collection::vec(line(), 1..60),
+        begin in prop_oneof![Just("G90\nM83\nG1 X100 Y100 Z5 F3000\n"), Just("")],
+        firmware in prop_oneof![Just(None), Just(Some(Firmware::Klipper)), Just(Some(Firmware::Marlin))],
+        refuses in any::<bool>(),
+    ) {
+        let program = format!("{begin}{}\n", lines.join("\n"));
+        // A blank behind the letter means the same, and is not usual.
+        let spaced = program.replace("G1 X", "G1  X ");
+        let told = |program: &str| {
+            let options = Options { firmware, ..if refuses { options() } else { passing() } };
+            format!("{:?}", run(bent("wZbXYt", [0.0; 3]), options, program).map(|outcome| {
+                (outcome.text().to_owned(), outcome.summary, outcome.warnings, outcome.movers)
+            })).replace(' ', "")
+        };
+        prop_assert_eq!(told(&program), told(&spaced));
+    }
 }
 
 #[test]

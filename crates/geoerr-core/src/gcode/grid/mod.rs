@@ -15,7 +15,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use self::edges::Edges;
 use super::patch::Patch;
-use super::path::{Closeness, Node, PathMap, distance};
+use super::path::{Closeness, Node, PathMap, square};
+use crate::arithmetic::{Arithmetic, Kernel, run_widest};
 use crate::volumetric::{Approach, MotionNeeds, Windup};
 pub use walk::Walk;
 
@@ -137,15 +138,20 @@ impl Grid {
 
     /// A place solved, where a polynomial has its command; `near` are boxes that were asked before.
     #[inline(always)]
-    pub fn solve<'a>(
+    pub fn solve<'a, A: Arithmetic>(
         &'a self,
         map: &impl PathMap,
         ideal_mm: &[f64; 3],
         near: &mut Near<'a>,
     ) -> Option<Solved> {
-        let (command_mm, home) = self.command_for(map, ideal_mm, near)?;
+        let (command_mm, home) = self.command_for::<A>(map, ideal_mm, near)?;
         let node = Node { share: 1.0, ideal_mm: *ideal_mm, command_mm };
         Some(Solved { node, home: Some(home) })
+    }
+
+    /// The same of a place alone.
+    pub fn solved(&self, map: &impl PathMap, ideal_mm: &[f64; 3]) -> Option<Solved> {
+        run_widest(Solving { grid: self, map, ideal_mm })
     }
 
     /// The command for a place, and the box whose polynomial has it.
@@ -153,7 +159,7 @@ impl Grid {
     /// Compiled into what asks for it, so that the numbers stay in registers: the larger things that are made of them
     /// would be waited for when they are copied.
     #[inline(always)]
-    fn command_for<'a>(
+    fn command_for<'a, A: Arithmetic>(
         &'a self,
         map: &impl PathMap,
         ideal_mm: &[f64; 3],
@@ -162,7 +168,7 @@ impl Grid {
         let mut at_mm = *ideal_mm;
         for _ in 0..MOST_HOPS {
             let home = near.home_of(self, map, &at_mm)?;
-            let command_mm = home.patch.command_for(ideal_mm);
+            let command_mm = home.patch.command_for::<A>(ideal_mm);
             if home.patch.holds(&command_mm) {
                 return Some((command_mm, home.place));
             }
@@ -173,8 +179,13 @@ impl Grid {
 
     /// The box of a place, where it has polynomials.
     fn home_of(&self, map: &impl PathMap, at_mm: &[f64; 3]) -> Option<Home<'_>> {
-        let cells = self.cells_of(at_mm)?;
-        Some(Home { place: self.place_of(&cells) as u32, patch: self.patch(map, &cells)? })
+        self.home_at(map, &self.cells_of(at_mm)?)
+    }
+
+    /// A box, where it has polynomials.
+    #[inline]
+    fn home_at(&self, map: &impl PathMap, cells: &[usize; 3]) -> Option<Home<'_>> {
+        Some(Home { place: self.place_of(cells) as u32, patch: self.patch(map, cells)? })
     }
 
     /// Whether a straight move between two solved places is known to stay straight enough whole.
@@ -184,18 +195,20 @@ impl Grid {
     /// the way. Where the way leaves the boxes by as much as it is off, that is a fifth more, as corrections change by
     /// less than a tenth; for the same reason the tool is off by at most an eighth more than the command; and the bound
     /// that [`split`](super::path::split) goes by is at most a quarter above that: together less than twice as much.
-    #[inline]
+    #[inline(always)]
     pub fn is_straight(&self, begin: &Solved, end: &Solved, near: &Near<'_>, closeness: &Closeness) -> bool {
         let (Some(from), Some(to)) = (begin.home, end.home) else { return false };
         let Some(patch) = near.patch_at(to).or_else(|| self.made(to)) else { return false };
-        let length_mm = distance(&begin.node.ideal_mm, &end.node.ideal_mm);
+        let way_mm: [f64; 3] =
+            std::array::from_fn(|axis| end.node.ideal_mm[axis] - begin.node.ideal_mm[axis]);
+        let length_mm2 = square(&way_mm);
         let off_mm = if from == to {
-            0.125 * patch.bend_per_mm * length_mm * length_mm
+            0.125 * patch.bend_per_mm * length_mm2
         } else {
             let Some(other) = self.made(from).filter(|_| self.are_neighbours(from, to)) else { return false };
             let jump = patch.jump_to(other);
             let bends = (patch.bend_per_mm + other.bend_per_mm) * (patch.radius_mm + other.radius_mm);
-            0.25 * (jump + bends) * length_mm
+            0.25 * (jump + bends) * length_mm2.sqrt()
         };
         2.0 * (off_mm + 2.0 * closeness.newton_mm) <= closeness.limit_mm
     }
@@ -260,6 +273,21 @@ pub struct Gridded<'a, M> {
     pub grid: Option<&'a Grid>,
 }
 
+struct Solving<'a, M> {
+    grid: &'a Grid,
+    map: &'a M,
+    ideal_mm: &'a [f64; 3],
+}
+
+impl<M: PathMap> Kernel for Solving<'_, M> {
+    type Output = Option<Solved>;
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) -> Option<Solved> {
+        self.grid.solve::<A>(self.map, self.ideal_mm, &mut Near::default())
+    }
+}
+
 impl<M: PathMap> PathMap for Gridded<'_, M> {
     fn command_for(
         &self,
@@ -267,7 +295,7 @@ impl<M: PathMap> PathMap for Gridded<'_, M> {
         approach: &Approach,
         tolerance_mm: f64,
     ) -> Result<[f64; 3], f64> {
-        match self.grid.and_then(|grid| grid.solve(self.map, ideal_mm, &mut Near::default())) {
+        match self.grid.and_then(|grid| grid.solved(self.map, ideal_mm)) {
             Some(solved) => Ok(solved.node.command_mm),
             None => self.map.command_for(ideal_mm, approach, tolerance_mm),
         }
@@ -317,8 +345,9 @@ impl Solved {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arithmetic::Separate;
     use crate::gcode::course::Course;
-    use crate::gcode::path::split;
+    use crate::gcode::path::{distance, split};
     use crate::kinematics::{Axis, Chain, Component, ErrorTables, MachineModel, Squareness, Table};
     use proptest::prelude::*;
 
@@ -358,7 +387,7 @@ mod tests {
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
             let still = Approach::default();
             for target_mm in &targets {
-                if let Some(solved) = grid.solve(&machine, target_mm, &mut Near::default()) {
+                if let Some(solved) = grid.solved(&machine, target_mm) {
                     let command_mm = solved.node.command_mm;
                     let place_mm = machine.actual(&command_mm, &still);
                     prop_assert!(distance(&place_mm, target_mm) <= NEWTON_MM);
@@ -400,8 +429,8 @@ mod tests {
             let (mut near, mut at) = (Near::default(), begin);
             for step in steps {
                 at = std::array::from_fn(|axis| at[axis] + step[axis]);
-                let by_near = grid.solve(&machine, &at, &mut near).map(|solved| (solved.node, solved.home));
-                let alone = grid.solve(&machine, &at, &mut Near::default()).map(|solved| (solved.node, solved.home));
+                let by_near = grid.solve::<Separate>(&machine, &at, &mut near).map(|solved| (solved.node, solved.home));
+                let alone = grid.solve::<Separate>(&machine, &at, &mut Near::default()).map(|solved| (solved.node, solved.home));
                 prop_assert_eq!(by_near, alone);
             }
         }
@@ -420,7 +449,7 @@ mod tests {
                 *at = std::array::from_fn(|axis| at[axis] + step[axis]);
                 Some(*at)
             });
-            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solve(&machine, &end, &mut Near::default())).collect();
+            let solved: Vec<Option<Solved>> = ends.map(|end| grid.solved(&machine, &end)).collect();
             for pair in solved.windows(2) {
                 let (Some(from), Some(to)) = (&pair[0], &pair[1]) else { continue };
                 if grid.is_straight(from, to, &Near::default(), &closeness) {
@@ -440,12 +469,7 @@ mod tests {
         let closeness = Closeness { limit_mm: 0.0048, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
         let at = |i: u32| {
             let turn = 0.02 * f64::from(i);
-            grid.solve(
-                &machine,
-                &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0],
-                &mut Near::default(),
-            )
-            .unwrap()
+            grid.solved(&machine, &[100.0 + 50.0 * turn.cos(), 90.0 + 50.0 * turn.sin(), 7.0]).unwrap()
         };
         let n_straight =
             (0..300).filter(|&i| grid.is_straight(&at(i), &at(i + 1), &Near::default(), &closeness)).count();
@@ -457,11 +481,11 @@ mod tests {
         let machine = machine(1.0);
         let mut grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
         let target_mm = [33.3, 44.4, 5.5];
-        let before = grid.solve(&machine, &target_mm, &mut Near::default()).unwrap().node;
+        let before = grid.solved(&machine, &target_mm).unwrap().node;
         *grid.n_made.get_mut() = MOST_MADE + 1;
         grid.tidy();
         assert_eq!(*grid.n_made.get_mut(), 0);
-        assert_eq!(grid.solve(&machine, &target_mm, &mut Near::default()).unwrap().node, before);
+        assert_eq!(grid.solved(&machine, &target_mm).unwrap().node, before);
     }
 
     #[test]

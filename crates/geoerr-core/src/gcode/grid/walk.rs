@@ -6,7 +6,8 @@
 
 use super::super::patch::{Patch, STEEPEST};
 use super::super::path::{Closeness, Node, PathMap, between, distance, norm};
-use super::{Grid, Near, Solved};
+use super::{Grid, Home, Near, Solved};
+use crate::arithmetic::{Arithmetic, Kernel, run_widest};
 
 /// The tool is off by at most so much more than its command, as errors change by less than that.
 const TOOL_PER_COMMAND: f64 = 1.0 + STEEPEST;
@@ -63,7 +64,7 @@ impl Grid {
     ) -> Option<&'w [Node]> {
         let most_mm = closeness.limit_mm / TOOL_PER_COMMAND - 2.0 * closeness.newton_mm;
         let way = OnTheWay { grid: self, map, begin: &begin.node, end };
-        way.find(begin, near, &mut walk.stops, most_mm)?;
+        run_widest(Finding { way, begin, near, stops: &mut walk.stops, most_mm })?;
         let (stops, pieces) = (&walk.stops, &mut walk.pieces);
         pieces.clear();
         let (mut from, last) = (0, stops.len() - 1);
@@ -80,6 +81,23 @@ impl Grid {
     }
 }
 
+struct Finding<'a, 'm, M> {
+    way: OnTheWay<'a, 'm, M>,
+    begin: &'m Solved,
+    near: &'m mut Near<'a>,
+    stops: &'m mut Vec<Stop>,
+    most_mm: f64,
+}
+
+impl<M: PathMap> Kernel for Finding<'_, '_, M> {
+    type Output = Option<()>;
+
+    #[inline(always)]
+    fn run<A: Arithmetic>(self) -> Option<()> {
+        self.way.find::<A>(self.begin, self.near, self.stops, self.most_mm)
+    }
+}
+
 /// A move whose stops are being found.
 struct OnTheWay<'a, 'm, M> {
     grid: &'a Grid,
@@ -90,43 +108,60 @@ struct OnTheWay<'a, 'm, M> {
 
 impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
     /// Goes from box to box: a stop at each face that commands go through, and at the end.
-    fn find(&self, begin: &Solved, near: &mut Near<'a>, stops: &mut Vec<Stop>, most_mm: f64) -> Option<()> {
+    #[inline(always)]
+    fn find<A: Arithmetic>(
+        &self,
+        begin: &Solved,
+        near: &mut Near<'a>,
+        stops: &mut Vec<Stop>,
+        most_mm: f64,
+    ) -> Option<()> {
         let first = Stop::at(0.0, begin)?;
         let way_mm = std::array::from_fn(|axis| self.end.node.ideal_mm[axis] - self.begin.ideal_mm[axis]);
         let mut cells = self.grid.cells_at(first.home);
+        let mut home = self.grid.home_at(self.map, &cells)?;
         stops.clear();
         stops.push(first);
         for _ in 0..MOST_BOXES {
-            let patch = self.grid.patch(self.map, &cells)?;
             let here = stops.last()?.node;
-            let (more, axis, is_up) = patch.way_out(&here.command_mm, &way_mm);
+            let (more, axis, is_up) = home.patch.way_out(&here.command_mm, &way_mm);
             let share = here.share + more;
             if share > 1.0 - LEAST_SHARE {
-                return self.go_to(patch, Stop::at(1.0, self.end)?, near, stops, most_mm);
-            }
-            if more > LEAST_SHARE {
-                let stop = self.stop(share, near)?;
-                self.go_to(patch, stop, near, stops, most_mm)?;
+                return self.go_to::<A>(home, Stop::at(1.0, self.end)?, near, stops, most_mm);
             }
             cells[axis] = if is_up { cells[axis] + 1 } else { cells[axis].checked_sub(1)? };
             if cells[axis] == self.grid.axes[axis].n_cells() {
                 return None;
             }
+            let next = self.grid.home_at(self.map, &cells)?;
+            if more > LEAST_SHARE {
+                let stop = self.stop::<A>(share, &[home, next], near)?;
+                self.go_to::<A>(home, stop, near, stops, most_mm)?;
+            }
+            home = next;
         }
         None
     }
 
+    /// A place on the way, by the first of these boxes that holds its command; else by any.
     #[inline(always)]
-    fn stop(&self, share: f64, near: &mut Near<'a>) -> Option<Stop> {
+    fn stop<A: Arithmetic>(&self, share: f64, homes: &[Home<'a>], near: &mut Near<'a>) -> Option<Stop> {
         let ideal_mm = between(&self.begin.ideal_mm, &self.end.node.ideal_mm, share);
-        let (command_mm, home) = self.grid.command_for(self.map, &ideal_mm, near)?;
+        for home in homes {
+            let command_mm = home.patch.command_for::<A>(&ideal_mm);
+            if home.patch.holds(&command_mm) {
+                return Some(Stop::new(Node { share, ideal_mm, command_mm }, home.place));
+            }
+        }
+        let (command_mm, home) = self.grid.command_for::<A>(self.map, &ideal_mm, near)?;
         Some(Stop::new(Node { share, ideal_mm, command_mm }, home))
     }
 
     /// Adds the next stop of a box, and others before it where the box bends too much for one piece.
-    fn go_to(
+    #[inline(always)]
+    fn go_to<A: Arithmetic>(
         &self,
-        patch: &Patch,
+        home: Home<'a>,
         next: Stop,
         near: &mut Near<'a>,
         stops: &mut Vec<Stop>,
@@ -134,7 +169,7 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
     ) -> Option<()> {
         let before = stops.last_mut()?;
         let from = before.node.share;
-        before.bulge_mm = self.bulge_mm(patch, before, &next)?;
+        before.bulge_mm = self.bulge_mm::<A>(home.patch, before, &next)?;
         if before.bulge_mm > most_mm {
             // What bends goes with the square of the length; half of the limit is left to the stops on a piece's way.
             let n_parts = (2.0 * before.bulge_mm / most_mm).sqrt().ceil();
@@ -142,13 +177,14 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
                 return None;
             }
             for part in 1..n_parts as u32 {
-                let stop = self.stop(from + f64::from(part) / n_parts * (next.node.share - from), near)?;
+                let share = from + f64::from(part) / n_parts * (next.node.share - from);
+                let stop = self.stop::<A>(share, &[home], near)?;
                 let before = stops.last_mut()?;
-                before.bulge_mm = self.bulge_mm(patch, before, &stop)?;
+                before.bulge_mm = self.bulge_mm::<A>(home.patch, before, &stop)?;
                 stops.push(stop);
             }
             let before = stops.last_mut()?;
-            before.bulge_mm = self.bulge_mm(patch, before, &next)?;
+            before.bulge_mm = self.bulge_mm::<A>(home.patch, before, &next)?;
         }
         stops.push(next);
         Some(())
@@ -159,10 +195,11 @@ impl<'a, M: PathMap> OnTheWay<'a, '_, M> {
     /// By as much as in the middle, were it a quadratic along the way; else by `T L³/(72 √3)` more, at most, where its third
     /// derivative is T. A stop may lie beyond a face, which was met to the first order only: so far another polynomial
     /// holds, and its derivative is another one.
-    fn bulge_mm(&self, patch: &Patch, from: &Stop, to: &Stop) -> Option<f64> {
+    #[inline(always)]
+    fn bulge_mm<A: Arithmetic>(&self, patch: &Patch, from: &Stop, to: &Stop) -> Option<f64> {
         let length_mm = distance(&from.node.ideal_mm, &to.node.ideal_mm);
         let middle_mm = between(&from.node.ideal_mm, &to.node.ideal_mm, 0.5);
-        let command_mm = patch.command_for(&middle_mm);
+        let command_mm = patch.command_for::<A>(&middle_mm);
         let off = |axis: usize| {
             command_mm[axis] - middle_mm[axis] - 0.5 * (from.correction_mm[axis] + to.correction_mm[axis])
         };
@@ -236,6 +273,7 @@ fn is_near(stops: &[Stop], from: usize, to: usize, most_mm: f64) -> bool {
 mod tests {
     use super::super::tests::{NEWTON_MM, RANGE_MM, machine, place};
     use super::*;
+    use crate::arithmetic::Separate;
     use crate::gcode::course::Course;
     use crate::gcode::path::split;
     use crate::volumetric::Approach;
@@ -253,7 +291,7 @@ mod tests {
             let grid = Grid::new(&machine, &RANGE_MM, NEWTON_MM).unwrap();
             let closeness = Closeness { limit_mm, newton_mm: NEWTON_MM, shortest_mm: 1e-3 };
             let to_mm = between(&ends[0], &ends[1], reach);
-            let found = grid.solve(&machine, &ends[0], &mut Near::default()).zip(grid.solve(&machine, &to_mm, &mut Near::default()));
+            let found = grid.solved(&machine, &ends[0]).zip(grid.solved(&machine, &to_mm));
             let Some((begin, end)) = found else { return Ok(()) };
             let mut walk = Walk::default();
             let Some(pieces) = grid.walk(&machine, &begin, &end, &closeness, &mut Near::default(), &mut walk) else { return Ok(()) };
@@ -289,7 +327,7 @@ mod tests {
             prop_assume!(step_mm > 0.1);
             let at = |steps: f64| std::array::from_fn::<f64, 3, _>(|axis| begin[axis] + steps * way[axis]);
             let targets = [0.0, 1.0, 2.0, 3.0].map(at);
-            let commands = targets.map(|target_mm| patch.command_for(&target_mm));
+            let commands = targets.map(|target_mm| patch.command_for::<Separate>(&target_mm));
             prop_assume!(commands.iter().all(|command_mm| patch.holds(command_mm)));
             let difference = |weights: [f64; 4]| {
                 norm(&std::array::from_fn(|axis| {
@@ -314,12 +352,8 @@ mod tests {
                 let angle = 0.1 * f64::from(turn);
                 let at = |side: f64| {
                     let (x, y) = (side * 60.0 * angle.cos(), side * 60.0 * angle.sin());
-                    grid.solve(
-                        &machine,
-                        &[90.0 + 0.3 * f64::from(turn) + x, 85.0 + y, 20.0 + 5.0 * side],
-                        &mut Near::default(),
-                    )
-                    .unwrap()
+                    grid.solved(&machine, &[90.0 + 0.3 * f64::from(turn) + x, 85.0 + y, 20.0 + 5.0 * side])
+                        .unwrap()
                 };
                 let (begin, end) = (at(-1.0), at(1.0));
                 n_walked += grid

@@ -3,6 +3,7 @@
 mod modes;
 mod moves;
 mod owned;
+mod runs;
 mod saved;
 
 use super::codes::{Code, Macro, sets_frame_or_tool};
@@ -32,7 +33,7 @@ pub enum Step {
     Pass,
     /// Write it as it is; few lines do something.
     Do(Box<Effects>),
-    /// Correct it: it is the last of the reader's [`moves`](Reader::moves).
+    /// Correct it: it is the last of the reader's [`moves`](Reader::moves), and ends at its last [target](Reader::targets).
     Correct,
 }
 
@@ -42,17 +43,22 @@ impl Step {
     }
 }
 
-/// A straight move whose end is known.
+/// Where a straight move ends: what it is solved by.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Where the program wants the machine, machine coordinates.
+    pub end_mm: [f64; 3],
+    /// Whether the move does not begin where a corrected move ended.
+    pub is_first: bool,
+    /// Words are inches.
+    pub is_inch: bool,
+}
+
+/// A straight move whose end is known: what it is written by.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Move {
     /// Its words.
     pub motion: Motion,
-    /// Where the program wants the machine, machine coordinates.
-    pub end_mm: [f64; 3],
-    /// Whether it does not begin where a corrected move ended.
-    pub is_first: bool,
-    /// Words are inches.
-    pub is_inch: bool,
     /// Who gets the extrusion when it is split.
     pub share: Share,
     /// What it extrudes, `10^-18` of the program's unit.
@@ -153,9 +159,11 @@ pub struct Reader {
     pub movers: Movers,
     /// Counts.
     pub summary: Summary,
-    /// The moves to correct, in the order of their lines.
+    /// Where the moves to correct end, in the order of their lines.
+    pub targets: Vec<Target>,
+    /// Those of them that are in no [run](super::usual::Run).
     pub moves: Vec<Move>,
-    /// How each of them approaches its places; empty where the machine's errors do not depend on it.
+    /// How each move approaches its places; empty where the machine's errors do not depend on it.
     pub courses: Vec<Course>,
 }
 
@@ -238,6 +246,7 @@ impl Reader {
             warnings: Warnings::default(),
             movers: Movers::default(),
             summary: Summary::default(),
+            targets: Vec::new(),
             moves: Vec::new(),
             courses: Vec::new(),
         }
@@ -248,6 +257,11 @@ impl Reader {
         !self.has_semicolon && (self.has_parenthesis || self.n_percent > 0 || self.is_numbered)
     }
 
+    /// Whether what lines do is followed: not behind the program's end, nor once everything is lost.
+    fn is_followed(&self) -> bool {
+        !self.is_lost && self.n_percent < 2
+    }
+
     /// Reads the next line, without its end.
     ///
     /// # Errors
@@ -255,7 +269,7 @@ impl Reader {
     /// [`GcodeError::OutsideMeasured`].
     pub fn read(&mut self, body: &[u8]) -> Result<Step, GcodeError> {
         self.summary.lines += 1;
-        if self.is_lost || self.n_percent >= 2 {
+        if !self.is_followed() {
             self.summary.lines_not_followed += 1;
             return Ok(Step::Pass);
         }
@@ -284,7 +298,7 @@ impl Reader {
     /// # Errors
     /// As of [`read`](Self::read).
     pub fn read_plain(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Result<Step, GcodeError>> {
-        if self.is_lost || self.n_percent >= 2 {
+        if !self.is_followed() {
             return None;
         }
         // Messages count from 1, and this line is not counted yet.

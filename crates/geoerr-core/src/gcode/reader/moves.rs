@@ -1,6 +1,6 @@
 //! Lines that move axes or the extruder.
 
-use super::{Asked, EDGE_MM, Move, Reader, Step};
+use super::{Asked, EDGE_MM, Move, Reader, Step, Target};
 use crate::gcode::course::Course;
 use crate::gcode::decimal::Decimal;
 use crate::gcode::extrusion::{Share, in_mm};
@@ -138,17 +138,23 @@ impl Reader {
         Step::pass(Effects { forget: either(self.asked.forget, left), place, ..Effects::default() })
     }
 
-    /// The line of a plain move; None where the modes make anything else of it, and nothing has happened yet.
-    pub(super) fn plain_motion(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Step> {
-        let modes = &mut self.modes;
-        let is_straight = plain.is_rapid.is_some() || modes.motion == Some(Ok(()));
-        let has_trouble = modes.transformed.is_some()
+    /// Whether a mode holds in which no straight move is corrected.
+    pub(super) fn has_trouble(&self) -> bool {
+        let modes = &self.modes;
+        modes.transformed.is_some()
             || modes.compensation.is_some()
             || modes.lost_length.is_some()
-            || modes.is_inverse_time;
-        if !is_straight || has_trouble {
+            || modes.is_inverse_time
+    }
+
+    /// The line of a plain move; None where the modes make anything else of it, and nothing has happened yet.
+    pub(super) fn plain_motion(&mut self, plain: &PlainMove, body: &[u8]) -> Option<Step> {
+        let modes = &self.modes;
+        let is_straight = plain.is_rapid.is_some() || modes.motion == Some(Ok(()));
+        if !is_straight || self.has_trouble() {
             return None;
         }
+        let modes = &mut self.modes;
         self.asked = Asked::default();
         if let Some(is_rapid) = plain.is_rapid {
             (modes.motion, modes.is_rapid) = (Some(Ok(())), is_rapid);
@@ -201,15 +207,9 @@ impl Reader {
             self.courses.push(course);
         }
         self.frame.position_mm = ends;
-        self.moves.push(Move {
-            motion,
-            end_mm,
-            is_first: !self.is_corrected || forget != [false; 3],
-            is_inch: self.modes.is_inch,
-            share,
-            extrusion,
-            text: *text,
-        });
+        let is_first = !self.is_corrected || forget != [false; 3];
+        self.targets.push(Target { end_mm, is_first, is_inch: self.modes.is_inch });
+        self.moves.push(Move { motion, share, extrusion, text: *text });
         Step::Correct
     }
 
