@@ -41,13 +41,13 @@ SLICED = {
 }
 MAIN = "walls and infill"
 IN_THE_WAY = (
-    "Of one thread's time an eighth is the system's, which copies the files; a seventh reads: 450 instructions for the "
-    "three numbers of a line, its place, its extrusion and its range. A quarter writes: 75 instructions a number, of "
-    "which there are three to a line where two came in, as corrections move Z; the choice of words to write, the place "
-    "of the machine that runs them, and sums. Two fifths solve: one polynomial of 27 terms for each end, of which "
-    "each waits for the one before, and for the tenth of the moves that are long one at each face of a box on their "
-    "way and one between two of these; a twentieth makes the boxes. Two threads wait for each other for a tenth of the "
-    "time, at the end of each block and while a chunk of the file is taken over."
+    "Of one thread's time an eighth is the system's, which copies the files; a seventh reads: 450 instructions "
+    "for the three numbers of a line, its place, its extrusion and its range. A quarter writes: 75 instructions a"
+    " number, of which there are three to a line where two came in, as corrections move Z; the choice of words to"
+    " write, the place of the machine that runs them, and sums. Two fifths solve: one polynomial of 27 terms for "
+    "each end, of which each waits for the one before, and for the tenth of the moves that are long one at each "
+    "face of a box on their way and one between two of these; a twentieth makes the boxes. Two threads wait for "
+    "each other for a tenth of the time, at the end of each block and while a chunk of the file is taken over."
 )
 
 # The machine of `gcode_stream`, as `benches/src/gcode.rs` has it: waves with an entry each 10 mm, Li's squareness.

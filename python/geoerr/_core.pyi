@@ -633,6 +633,7 @@ class FitProblem:
         matrix: npt.NDArray[np.float64],
         row_scale: npt.NDArray[np.float64],
         threads: int,
+        rows: npt.NDArray[np.int64] | None = None,
     ) -> npt.NDArray[np.float64]: ...
     def first_order_mm(
         self, state: FitState, correction: npt.NDArray[np.float64], threads: int

@@ -234,15 +234,20 @@ fn the_gram_matrix_is_that_of_the_design() {
             }
         }
         // The rows themselves times a matrix.
-        let moved = block.times(&directions, &scale);
+        let all: Vec<usize> = (0..n_rows).collect();
+        let moved = block.times(&directions, &all, &scale);
         for (row, along) in (0..3 * n_rows).flat_map(|row| (0..d).map(move |along| (row, along))) {
             let entries = || (0..n).map(|column| columns[column][row] * directions[(column, along)]);
             let (expected, sizes): (f64, f64) = (entries().sum(), entries().map(f64::abs).sum());
             assert!((moved[row * d + along] - expected).abs() <= 1e-14 * sizes, "{chain} {row} {along}");
         }
-        assert!(block.times(&Matrix::zeros(n, 0), &scale).is_empty());
+        assert!(block.times(&Matrix::zeros(n, 0), &all, &scale).is_empty());
         // Of some rows alone, and what each of them makes of a direction.
         let some: Vec<usize> = (0..n_rows).rev().step_by(3).collect();
+        for (moved_alone, row) in block.times(&directions, &some, &scale).chunks_exact(3 * d).zip(&some) {
+            let pairs = moved_alone.iter().zip(&moved[3 * d * row..]);
+            pairs.for_each(|(alone, among)| assert!((alone - among).abs() <= 1e-12 * among.abs().max(1.0)));
+        }
         let numbers: Vec<[f64; 3]> = some.iter().map(|_| [(); 3].map(|()| draws.symmetric())).collect();
         let weights: Vec<f64> = (0..3 * some.len()).map(|number| 0.5 + (number % 7) as f64).collect();
         let (own, weighted, products) = block.sums_of(&some, &numbers, Some(&weights), &scale);

@@ -36,7 +36,7 @@ from geoerr.terms import Parameter, Term
 _SIGNIFICANCE = 0.01
 # Numbers of what rows share: offset, drift and its memory, of three components.
 _N_SHARED = 9
-# Rows whose columns are made at once, and numbers of columns that are kept: 50 MB.
+# Rows whose columns are made at once, and numbers of columns to which the noise is fitted: 50 MB.
 _ROWS_AT_ONCE, _MOST_NUMBERS = 2048, 6_000_000
 # Blocks of a session to whose rows the noise is fitted: that costs their cube. Every so manieth pass stands for all.
 _MOST_BLOCKS = 320
@@ -58,15 +58,18 @@ def with_shared_noise(fitted: Fitted) -> Fitted:
         return fitted
     blocks = blocks_of(sightings)
     some = _some(blocks, counts, 3 * n_found)
-    columns = _Columns(fitted, weights, blocks, some)
-    basis = columns.of_some
+    basis = _unit_columns(fitted, some)
     if len(some) < len(sightings):
         # Of every second row the columns are half as long, and must be orthonormal.
         basis = _core.orthonormal_columns(basis.reshape(3 * len(some), -1), fitted.threads).reshape(len(some), 3, -1)
     residual = solved.whitened[some] * (weights[some] > 0.0)
     sums = NoiseSums(_of_rows(blocks, some), weights[some], residual, basis, threads=fitted.threads)
     noise = sums.fit()
-    return _counted(fitted, replace(noise, blocks=blocks), columns) if _is_certain(sums, noise) else fitted
+    if not _is_certain(sums, noise):
+        return fitted
+    # Only now: half of all time, and most rows share nothing.
+    grams, by_block = _sums_of_columns(fitted, weights, blocks)
+    return _counted(fitted, replace(noise, blocks=blocks), grams, by_block)
 
 
 def _some(blocks: Blocks, counts: np.ndarray, n_numbers: int) -> np.ndarray:
@@ -85,37 +88,34 @@ def _of_rows(blocks: Blocks, some: np.ndarray) -> Blocks:
     return replace(blocks, block=block, **numbers)
 
 
-class _Columns:
-    """The columns A R of unit covariance of all rows, summed up as they are made.
+def _unit_columns(fitted: Fitted, some: np.ndarray) -> Numbers:
+    """Give the columns A R of unit covariance, (k, 3, r), of some rows."""
+    root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
+    return fitted.problem.times(fitted.state_of_columns, root, used, fitted.threads, some)
 
-    Attributes
-    ----------
-    of_some : (k, 3, r)
-        Those of the rows to which the noise is fitted.
+
+def _sums_of_columns(fitted: Fitted, weights: Numbers, blocks: Blocks) -> tuple[Numbers, Numbers]:
+    """Sum up the columns of unit covariance.
+
+    Returns
+    -------
     grams : (3, r, r)
         Products of the columns with each other, each component's rows.
     by_block : (3, n_blocks, r)
         Sums over the rows of each block: what an offset of the block moves.
     """
-
-    def __init__(self, fitted: Fitted, weights: Numbers, blocks: Blocks, some: np.ndarray) -> None:
-        root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
-        n_rows, rank, block = len(used), root.shape[1], blocks.block
-        self.grams = np.zeros((3, rank, rank))
-        self.by_block = np.zeros((3, len(blocks), rank))
-        kept = []
-        for first in range(0, n_rows, _ROWS_AT_ONCE):
-            last = min(first + _ROWS_AT_ONCE, n_rows)
-            design = fitted.problem.design(fitted.state_of_columns, used, first, last, fitted.threads)
-            columns = (design @ root).reshape(last - first, 3, rank)
-            order = np.argsort(block[first:last], kind="stable")
-            own, starts = np.unique(block[first:last][order], return_index=True)
-            for component in range(3):
-                self.grams[component] += columns[:, component].T @ columns[:, component]
-                weighed = weights[first:last, component, None] * columns[:, component]
-                self.by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
-            kept.append(columns[some[(some >= first) & (some < last)] - first])
-        self.of_some = np.concatenate(kept)
+    n_rows, rank = len(weights), fitted.solved.solution.covariance_root.shape[1]
+    grams, by_block = np.zeros((3, rank, rank)), np.zeros((3, len(blocks), rank))
+    for first in range(0, n_rows, _ROWS_AT_ONCE):
+        rows = slice(first, min(first + _ROWS_AT_ONCE, n_rows))
+        columns = _unit_columns(fitted, np.arange(rows.start, rows.stop))
+        order = np.argsort(blocks.block[rows], kind="stable")
+        own, starts = np.unique(blocks.block[rows][order], return_index=True)
+        for component in range(3):
+            grams[component] += columns[:, component].T @ columns[:, component]
+            weighed = weights[rows, component, None] * columns[:, component]
+            by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
+    return grams, by_block
 
 
 def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
@@ -156,20 +156,20 @@ def _shared_offsets(noise: NoiseModel, component: int, own: slice, some: slice) 
     return np.asarray(offset**2 * (number[some, None] == number[None, :]) + drift**2 * np.exp(-apart / memory))
 
 
-def _counted(fitted: Fitted, noise: NoiseModel, columns: _Columns) -> Fitted:
-    """Give the fit with the covariance by this noise."""
+def _counted(fitted: Fitted, noise: NoiseModel, grams: Numbers, by_block: Numbers) -> Fitted:
+    """Give the fit with the covariance by this noise, of whose columns these are the sums."""
     n_coefficients = fitted.compiled.n_coefficients
     # How sure the moment of a jump is follows from no derivative.
     jumps = [n_coefficients + place for place, is_jump in enumerate(_are_jumps(fitted.terms)) if is_jump]
-    gain = np.zeros((len(fitted.covariance), columns.grams.shape[1]))
+    gain = np.zeros((len(fitted.covariance), grams.shape[1]))
     places = fitted.places_of_unknowns
     gain[places] = fitted.root[: len(places)]
     gain[jumps] = 0.0
     least = 1.0 if fitted.sightings.is_stated else 0.0
     # Of a component that nobody measured nothing is moved.
-    is_used = np.einsum("cii->c", columns.grams) > 0.0
+    is_used = np.einsum("cii->c", grams) > 0.0
     scatter = np.where(is_used, np.maximum(noise.sigma, least), 0.0)
-    shared = SharedNoise(scatter, columns.grams, gain, gain @ _moved(noise, columns.by_block))
+    shared = SharedNoise(scatter, grams, gain, gain @ _moved(noise, by_block))
     parts = [shared.scatter_root(), shared.root]
     if fitted.prior is not None:
         parts.append(fitted.unit * gain @ (fitted.prior @ fitted.solved.solution.covariance_root).T)

@@ -100,14 +100,13 @@ impl Block<'_> {
         )
     }
 
-    /// `A F` of the whitened design for a matrix F (n, r): for each sighting three rows of r numbers, one after the other.
-    pub fn times(&self, matrix: &Matrix, row_scale: &[f64]) -> Vec<f64> {
+    /// `A F` of the whitened design of some sightings for a matrix F (n, r): for each of them three rows of r numbers, one
+    /// after the other.
+    pub fn times(&self, matrix: &Matrix, rows: &[usize], row_scale: &[f64]) -> Vec<f64> {
         let width = matrix.n_columns();
-        let mut products = vec![0.0; NUMBERS_OF_A_ROW * width * row_scale.len()];
-        let of_chunk = |(chunk, out): (usize, &mut [f64])| {
-            let rows: Vec<usize> =
-                (SIGHTINGS * chunk..).take(out.len() / (NUMBERS_OF_A_ROW * width)).collect();
-            self.each_together(&self.by_cell(&rows), &rows, row_scale, |together| {
+        let mut products = vec![0.0; NUMBERS_OF_A_ROW * width * rows.len()];
+        let of_chunk = |(rows, out): (&[usize], &mut [f64])| {
+            self.each_together(&self.by_cell(rows), rows, row_scale, |together| {
                 let Together { columns, places, design } = together;
                 let own = Matrix::from_fn(columns.len(), width, |i, j| matrix[(columns[i], j)]);
                 let moved = product(design, &own);
@@ -122,7 +121,8 @@ impl Block<'_> {
             });
         };
         if width > 0 {
-            products.par_chunks_mut(NUMBERS_OF_A_ROW * width * SIGHTINGS).enumerate().for_each(of_chunk);
+            let chunks = products.par_chunks_mut(NUMBERS_OF_A_ROW * width * SIGHTINGS);
+            rows.par_chunks(SIGHTINGS).zip(chunks).for_each(of_chunk);
         }
         products
     }

@@ -267,7 +267,8 @@ impl PyFitProblem {
         })
     }
 
-    /// `A F` (n, 3, r) of the whitened design at a state for a matrix F (n_columns, r).
+    /// `A F` (k, 3, r) of the whitened design of some rows, or all, at a state for a matrix F (n_columns, r).
+    #[pyo3(signature = (state, matrix, row_scale, threads, rows=None))]
     fn times<'py>(
         &self,
         py: Python<'py>,
@@ -275,18 +276,26 @@ impl PyFitProblem {
         matrix: PyReadonlyArray2<'py, f64>,
         row_scale: PyReadonlyArray1<'py, f64>,
         threads: usize,
+        rows: Option<PyReadonlyArray1<'py, i64>>,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (problem, state) = (&self.problem, &state.state);
         let (matrix, row_scale) = (matrix_of(&matrix), numbers(&row_scale, "row_scale")?);
         if matrix.n_rows() != problem.n_columns() || row_scale.len() != problem.n_rows() {
             return Err(CoreError::shape("a design is multiplied by a row for each of its columns").into());
         }
+        let rows = match &rows {
+            Some(rows) => places(rows, "rows")?,
+            None => (0..problem.n_rows()).collect(),
+        };
+        if rows.iter().any(|&row| row >= problem.n_rows()) {
+            return Err(CoreError::shape("the rows of a design must lie within those of the problem").into());
+        }
         let products = enter_core(py, threads, || {
             Ok::<_, geoerr_core::volumetric::VolumetricError>(
-                problem.blocks(state)?.times(&matrix, row_scale),
+                problem.blocks(state)?.times(&matrix, &rows, row_scale),
             )
         })?;
-        products.into_pyarray(py).reshape([problem.n_rows(), 3, matrix.n_columns()])
+        products.into_pyarray(py).reshape([rows.len(), 3, matrix.n_columns()])
     }
 
     /// How a correction of all unknowns moves the measured points, to first order, mm (n, 3).
