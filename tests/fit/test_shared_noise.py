@@ -8,7 +8,7 @@ import pytest
 from geoerr.budget import uncertainty_budget
 from geoerr.fit import FitOptions, Fitted, fit_model, fit_terms, shared_noise
 from geoerr.fit.noise_model import NoiseModel, blocks_of, offset_weights
-from geoerr.fit.shared_noise import _moved, _sums_of_columns, _unit_columns
+from geoerr.fit.shared_noise import _moved, _UnitColumns
 from geoerr.machine import Axis, Machine
 from geoerr.observations import Observations, observations_from_columns
 
@@ -132,12 +132,13 @@ def test_the_formula_is_that_of_dense_matrices() -> None:
     sigma, offset, drift = np.array([[1.2, 0.9, 1.5], [1.0, 0.0, 2.0], [0.5, 1.5, 0.0]])
     memory = np.array([0.3, 0.1, 1.0])
     noise = NoiseModel(blocks, sigma, offset, drift, memory, weights, 0.0)
-    columns = _unit_columns(plain, np.arange(len(weights)))
+    made = _UnitColumns(plain)
+    columns = made.of(np.arange(len(weights)))
     root, used = plain.solved.solution.covariance_root, plain.solved.used.astype(np.float64)
     design = plain.problem.design(plain.problem.start, used, 0, len(weights), 1)
     np.testing.assert_allclose(columns, (design @ root).reshape(columns.shape), atol=1e-12)
-    np.testing.assert_array_equal(_unit_columns(plain, np.arange(3, 40, 4)), columns[3:40:4])
-    grams, by_block = _sums_of_columns(plain, weights, blocks)
+    np.testing.assert_array_equal(made.of(np.arange(3, 40, 4)), columns[3:40:4])
+    grams, by_block = made.sums(weights, blocks)
     np.testing.assert_allclose(grams, np.einsum("ncr,ncs->crs", columns, columns), atol=1e-12)
     shared = np.zeros((columns.shape[2],) * 2)
     for c in range(3):

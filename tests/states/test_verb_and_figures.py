@@ -15,10 +15,10 @@ from geoerr.cli.main import app
 from geoerr.machine import write_machine
 from geoerr.model import load_model
 from geoerr.observations import Observations, write_observations
-from geoerr.report.figures.states import style_probability
 from geoerr.report.provenance import Provenance
 from geoerr.report.states_page import write_states_page
 from geoerr.states import States
+from geoerr.summaries import p_text
 
 
 def test_every_state_has_its_curve(states: States) -> None:
@@ -129,7 +129,7 @@ def test_the_page_has_what_the_text_says_of_chance(states: States, tmp_path: Pat
     page = (tmp_path / "states.html").read_text(encoding="utf-8")
     assert "uncertainties are multiplied by 2.50" in page
     for one in states.left_out:
-        assert f">{style_probability(one.difference.p_value)}<" in page
+        assert f">{p_text(one.difference.p_value)}<" in page
 
 
 def test_two_results_of_one_name_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

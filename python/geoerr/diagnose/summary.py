@@ -9,7 +9,7 @@ from geoerr.diagnose.spread_trends import spreads_to_tell
 from geoerr.diagnose.words import chance_words
 from geoerr.fit import figures_document
 from geoerr.model.fit_words import FIGURES
-from geoerr.summaries import capitalised, facts_html, number_text, sentences_html, summary_html, table_html
+from geoerr.summaries import capitalised, facts_html, number_text, p_text, sentences_html, summary_html, table_html
 
 if TYPE_CHECKING:
     from geoerr.diagnose.change import Change
@@ -23,8 +23,6 @@ _FREEDOM = {
     "refit": "other data, fitted anew",
     "held": "other data; the model's numbers stay as they are",
 }
-# A smaller probability says no more.
-_LEAST_P = 1e-9
 _WORST_LINES, _MOST_TRENDS = 8, 5
 
 
@@ -75,7 +73,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
             "found" if str(one.reference) in found else "tied" if str(one.reference) in tied else "looked at",
             str(one.reference),
             number_text(one.worth_um),
-            _p_text(one.p_value),
+            p_text(one.p_value),
             number_text(one.held_out_rmse_after_um),
             "; ".join(one.value_words),
         )
@@ -117,10 +115,6 @@ def change_html(change: Change) -> str:
     history = () if change.result.model.record is None else change.result.model.record.history
     told = [f"{history[-1].action} {history[-1].reference}: {history[-1].title}"] if history else []
     return summary_html("Change", sentences_html(*told), table_html(("", "before", "after"), rows))
-
-
-def _p_text(p_value: float) -> str:
-    return f"{p_value:.2g}" if p_value >= _LEAST_P else "below 1e-9"
 
 
 def _figures(fitted: Fitted) -> dict[str, str]:

@@ -1,7 +1,9 @@
 """The richest bases that data determine: a function for each position, or fewer where those leave more open.
 
 Nine lines determine a spline through every position. One picture beside them has positions of its own, and splines
-for them that nothing else tells: with these every function of the axis would be open, in what nobody asks for.
+for them that nothing else tells: with these every function of the axis would be open, in what nobody asks for. Where a
+laser was at thirty places of an axis and a ball plate at five, one function of it has the laser's places, and the others
+have the plate's.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
+from geoerr.error_functions import ROTATIONS, TRANSLATIONS
 from geoerr.fit.classic import BENT, MOST_FUNCTIONS, rich_bases
 from geoerr.fit.fitted import Fitted
 from geoerr.fit.run_away import run_away
@@ -57,8 +60,31 @@ def determined_bases(
     for bases in _between(rich, sightings, positions_mm):
         found = fit(bases)
         if _n_open(found, rich) <= least:
-            return bases, found
-    return few, with_few
+            return _richer_by_itself(fit, rich, bases, found)
+    return _richer_by_itself(fit, rich, few, with_few)
+
+
+def _richer_by_itself(
+    fit: Callable[[Mapping[str, BasisSpec]], Fitted],
+    rich: Mapping[str, BasisSpec],
+    bases: dict[str, BasisSpec],
+    fitted: Fitted,
+) -> tuple[dict[str, BasisSpec], Fitted]:
+    """Give functions the richest bases where they alone, or with those of their kind and axis, leave no more open."""
+    least = _n_open(fitted, rich)
+    for axis in AXES:
+        for kind in (TRANSLATIONS, ROTATIONS):
+            alike = [
+                name for name in rich if name[1] in kind and rich[name].axis == axis and bases[name] != rich[name]
+            ]
+            for some in (alike, *([name] for name in alike if len(alike) > 1)):
+                richer = {**bases, **{name: rich[name] for name in some}}
+                found = fit(richer) if some else fitted
+                if some and _n_open(found, rich) <= least:
+                    bases, fitted = richer, found
+                    if some is alike:
+                        break
+    return bases, fitted
 
 
 def _n_open(fitted: Fitted, names: Mapping[str, BasisSpec]) -> int:

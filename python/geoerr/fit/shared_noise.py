@@ -36,8 +36,10 @@ from geoerr.terms import Parameter, Term
 _SIGNIFICANCE = 0.01
 # Numbers of what rows share: offset, drift and its memory, of three components.
 _N_SHARED = 9
-# Rows whose columns are made at once, and numbers of columns to which the noise is fitted: 50 MB.
-_ROWS_AT_ONCE, _MOST_NUMBERS = 2048, 6_000_000
+# Numbers of columns that are made at once, or to which the noise is fitted: 50 MB.
+_MOST_NUMBERS = 6_000_000
+# Blocks whose shared offsets are multiplied at once.
+_BLOCKS_AT_ONCE = 2048
 # Blocks of a session to whose rows the noise is fitted: that costs their cube. Every so manieth pass stands for all.
 _MOST_BLOCKS = 320
 # Steps to the scatter of rows that share nothing: but for what the columns take of it, the first is exact.
@@ -53,12 +55,12 @@ def with_shared_noise(fitted: Fitted) -> Fitted:
     sightings, solved = fitted.sightings, fitted.solved
     weights = offset_weights(sightings, solved.used) * ~sightings.of_kind("lengths")[:, None]
     counts = np.asarray((weights > 0.0).any(axis=1))
-    n_found = solved.solution.covariance_root.shape[1]
-    if len(np.unique(sightings.pass_number[counts])) < 2 or n_found == 0 or fitted.dof <= 0:
+    columns = _UnitColumns(fitted)
+    if len(np.unique(sightings.pass_number[counts])) < 2 or columns.rank == 0 or fitted.dof <= 0:
         return fitted
     blocks = blocks_of(sightings)
-    some = _some(blocks, counts, 3 * n_found)
-    basis = _unit_columns(fitted, some)
+    some = _some(blocks, counts, 3 * columns.rank)
+    basis = columns.of(some)
     if len(some) < len(sightings):
         # Of every second row the columns are half as long, and must be orthonormal.
         basis = _core.orthonormal_columns(basis.reshape(3 * len(some), -1), fitted.threads).reshape(len(some), 3, -1)
@@ -68,7 +70,7 @@ def with_shared_noise(fitted: Fitted) -> Fitted:
     if not _is_certain(sums, noise):
         return fitted
     # Only now: half of all time, and most rows share nothing.
-    grams, by_block = _sums_of_columns(fitted, weights, blocks)
+    grams, by_block = columns.sums(weights, blocks)
     return _counted(fitted, replace(noise, blocks=blocks), grams, by_block)
 
 
@@ -88,34 +90,46 @@ def _of_rows(blocks: Blocks, some: np.ndarray) -> Blocks:
     return replace(blocks, block=block, **numbers)
 
 
-def _unit_columns(fitted: Fitted, some: np.ndarray) -> Numbers:
-    """Give the columns A R of unit covariance, (k, 3, r), of some rows."""
-    root, used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
-    return fitted.problem.times(fitted.state_of_columns, root, used, fitted.threads, some)
+class _UnitColumns:
+    """The columns A R of unit covariance, made of some rows at a time: three numbers a row, r of each."""
 
+    def __init__(self, fitted: Fitted) -> None:
+        self._fitted = fitted
+        # Each is a copy: of ten million rows that would be half of the work, were it made for each chunk of them.
+        self._root, self._used = fitted.solved.solution.covariance_root, fitted.solved.used.astype(np.float64)
 
-def _sums_of_columns(fitted: Fitted, weights: Numbers, blocks: Blocks) -> tuple[Numbers, Numbers]:
-    """Sum up the columns of unit covariance.
+    @property
+    def rank(self) -> int:
+        return int(self._root.shape[1])
 
-    Returns
-    -------
-    grams : (3, r, r)
-        Products of the columns with each other, each component's rows.
-    by_block : (3, n_blocks, r)
-        Sums over the rows of each block: what an offset of the block moves.
-    """
-    n_rows, rank = len(weights), fitted.solved.solution.covariance_root.shape[1]
-    grams, by_block = np.zeros((3, rank, rank)), np.zeros((3, len(blocks), rank))
-    for first in range(0, n_rows, _ROWS_AT_ONCE):
-        rows = slice(first, min(first + _ROWS_AT_ONCE, n_rows))
-        columns = _unit_columns(fitted, np.arange(rows.start, rows.stop))
-        order = np.argsort(blocks.block[rows], kind="stable")
-        own, starts = np.unique(blocks.block[rows][order], return_index=True)
-        for component in range(3):
-            grams[component] += columns[:, component].T @ columns[:, component]
-            weighed = weights[rows, component, None] * columns[:, component]
-            by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
-    return grams, by_block
+    def of(self, rows: np.ndarray) -> Numbers:
+        """Give those of some rows, (k, 3, r)."""
+        fitted = self._fitted
+        return fitted.problem.times(fitted.state_of_columns, self._root, self._used, fitted.threads, rows)
+
+    def sums(self, weights: Numbers, blocks: Blocks) -> tuple[Numbers, Numbers]:
+        """Sum them up.
+
+        Returns
+        -------
+        grams : (3, r, r)
+            Products of the columns with each other, each component's rows.
+        by_block : (3, n_blocks, r)
+            Sums over the rows of each block: what an offset of the block moves.
+        """
+        n_rows = len(weights)
+        grams, by_block = np.zeros((3, self.rank, self.rank)), np.zeros((3, len(blocks), self.rank))
+        at_once = max(_MOST_NUMBERS // (3 * self.rank), 1)
+        for first in range(0, n_rows, at_once):
+            rows = slice(first, min(first + at_once, n_rows))
+            columns = self.of(np.arange(rows.start, rows.stop))
+            order = np.argsort(blocks.block[rows], kind="stable")
+            own, starts = np.unique(blocks.block[rows][order], return_index=True)
+            for component in range(3):
+                grams[component] += columns[:, component].T @ columns[:, component]
+                weighed = weights[rows, component, None] * columns[:, component]
+                by_block[component, own] += np.add.reduceat(weighed[order], starts, axis=0)
+        return grams, by_block
 
 
 def _is_certain(sums: NoiseSums, noise: NoiseModel) -> bool:
@@ -141,8 +155,8 @@ def _moved(noise: NoiseModel, by_block: Numbers) -> Numbers:
         for own in noise.blocks.slices:
             moved = by_block[component, own]
             shared = np.zeros_like(moved)
-            for first in range(0, len(moved), _ROWS_AT_ONCE):
-                some = slice(first, first + _ROWS_AT_ONCE)
+            for first in range(0, len(moved), _BLOCKS_AT_ONCE):
+                some = slice(first, first + _BLOCKS_AT_ONCE)
                 shared[some] = _shared_offsets(noise, component, own, some) @ moved
             covariance += noise.sigma[component] ** 2 * moved.T @ shared
     return root_of(covariance)

@@ -8,10 +8,11 @@ from geoerr.effects.plausible import plausible_words
 from geoerr.effects.values import value_words
 from geoerr.errors import NotDeterminedError
 from geoerr.report.figures import style
-from geoerr.report.figures.states import difference_curves, difference_map, state_curves, style_probability
+from geoerr.report.figures.states import difference_curves, difference_map, state_curves
 from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
 from geoerr.report.provenance import Provenance
 from geoerr.states import Difference, States
+from geoerr.summaries import p_text, p_words
 
 _MAP_POINTS = 7
 
@@ -31,8 +32,7 @@ def write_states_page(path: str | Path, states: States, provenance: Provenance) 
     difference = states.difference(states.temperatures_degc[0], states.temperatures_degc[-1])
     beyond = [name for name, one in difference.by_name.items() if one.p_value < 0.05]
     summary = [
-        f"{difference.second} minus {difference.first}: p {style_probability(difference.p_value)} that nothing "
-        "differs.",
+        f"{difference.second} minus {difference.first}: {p_words(difference.p_value)} that nothing differs.",
         f"Beyond chance: {', '.join(beyond) if beyond else 'no single function'}.",
         *states.notes,
         *states.model.notes,
@@ -74,7 +74,7 @@ def _model(states: States) -> Table:
         for parameter in term.coefficients
     ]
     fit = states.temperature_fit
-    caption = f"What follows {states.covariate}; p {style_probability(fit.misfit.p_value)} that this is all"
+    caption = f"What follows {states.covariate}; {p_words(fit.misfit.p_value)} that this is all"
     if fit.scale != 1.0:
         caption += f"; uncertainties are multiplied by {fit.scale:.2f}"
     return Table(caption, ("term", "value ± standard uncertainty", "would physics give it"), tuple(rows))
@@ -88,7 +88,7 @@ def _left_out(states: States) -> Table:
             *("" if value is None else style.text_um(value) for value in (one.rms_um, one.rms_by_chance_um)),
             *("" if value is None else style.text_um(value) for value in (one.predicted_rmse_um, one.own_rmse_um)),
             f"{100.0 * one.coverage:.0f} %",
-            style_probability(one.difference.p_value),
+            p_text(one.difference.p_value),
         )
         for one in states.left_out
     )

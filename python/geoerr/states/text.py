@@ -11,14 +11,13 @@ from geoerr.effects.values import value_words
 from geoerr.error_functions import LI_NAMES, is_angular
 from geoerr.errors import NotDeterminedError
 from geoerr.states.difference import Difference
+from geoerr.summaries import p_text, p_words
 
 if TYPE_CHECKING:
     from geoerr.states.states import States
 
 WIDTH = 80
 _SIGNIFICANCE = 0.05
-# What is written of a probability: below it, there is nothing to tell apart.
-_LEAST_P = 1e-99
 _PER_MILLION = 1e6
 _UM_PER_MM = 1e3
 
@@ -69,7 +68,7 @@ def difference_lines(difference: Difference) -> list[str]:
         mark = "  beyond chance" if one.p_value < _SIGNIFICANCE else ""
         lines.append(
             f"  {name}  {LI_NAMES[name]:<5}{factor * one.rms:>8.1f} {factor * abs(one.value).max():>8.1f} "
-            f"{factor * one.half_width.max():>7.1f} {unit} {_probability(one.p_value).removeprefix('= '):>8}{mark}"
+            f"{factor * one.half_width.max():>7.1f} {unit} {p_text(one.p_value):>8}{mark}"
         )
     return lines
 
@@ -96,7 +95,7 @@ def _temperature_lines(states: States) -> Iterator[str]:
             "100 K in the tables between and beyond (the model file counts noise only); measure a third"
         )
     if fit.astray:
-        named = ", ".join(f"{name} (p {_probability(p_value)})" for name, p_value in fit.astray.items())
+        named = ", ".join(f"{name} ({p_words(p_value)})" for name, p_value in fit.astray.items())
         yield from _wrapped(
             f"not in proportion to the temperature, or its square: {named}; between and beyond the temperatures that "
             "were measured its uncertainty, in the model file too, counts by how much: measure more temperatures "
@@ -114,7 +113,7 @@ def _left_out_lines(states: States) -> Iterator[str]:
     yield "      °C             off  by chance    off   own fit     95 %           p"
     for one in states.left_out:
         kind = "beyond " if one.is_extrapolation else "between"
-        p_value = _probability(one.difference.p_value).removeprefix("= ")
+        p_value = p_text(one.difference.p_value)
         volume = f"{_number(one.rms_um):>7}{_number(one.rms_by_chance_um):>11}"
         points = f"{_number(one.predicted_rmse_um):>7}{_number(one.own_rmse_um):>10}"
         judged = f"{100.0 * one.coverage:>7.1f} %{p_value:>12}"
@@ -127,11 +126,7 @@ def _not_determined(states: States) -> list[str]:
 
 
 def _chance(p_value: float) -> str:
-    return f"chance alone does as much with p {_probability(p_value)}"
-
-
-def _probability(p_value: float) -> str:
-    return "< 1e-99" if p_value < _LEAST_P else f"= {p_value:.2g}"
+    return f"chance alone does as much with {p_words(p_value)}"
 
 
 def _number(value: float | None) -> str:

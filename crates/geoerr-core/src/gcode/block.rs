@@ -18,6 +18,9 @@ use super::usual::{Run, UsualMove};
 /// threads seldom wait for each other.
 const BLOCK_LINES: usize = 6_144;
 
+/// Bytes of a block at most, but for its last line: places in it are counted in 32 bits.
+const BLOCK_BYTES: usize = 1 << 22;
+
 /// Moves and knot crossings of a block at most: what bounds the number of pieces, and so the memory, of a block.
 const BLOCK_WORK: usize = 24_576;
 
@@ -175,16 +178,25 @@ impl Block {
 /// What a block still has room for.
 struct Room {
     lines: usize,
+    bytes: usize,
     /// Moves and knot crossings.
     work: usize,
 }
 
 impl Room {
+    #[inline]
     fn is_left(&self) -> bool {
-        self.lines > 0 && self.work > 0
+        self.lines > 0 && self.bytes > 0 && self.work > 0
     }
 
-    /// A move may be more work than there is room for: it is the last then.
+    /// A line may be longer than there is room for, a move more work: it is the last then.
+    #[inline]
+    fn take_line(&mut self, n_bytes: usize) {
+        self.lines -= 1;
+        self.bytes = self.bytes.saturating_sub(n_bytes);
+    }
+
+    #[inline]
     fn take_work(&mut self, work: usize) {
         self.work = self.work.saturating_sub(work);
     }
@@ -228,11 +240,6 @@ impl BlockReader {
 
     /// Fills a block; false where there were not enough lines.
     pub fn fill(&mut self, block: &mut Block, lines: &mut Lines, map: &impl PathMap) -> bool {
-        self.fill_here(block, lines, map)
-    }
-
-    #[inline(always)]
-    fn fill_here(&mut self, block: &mut Block, lines: &mut Lines, map: &impl PathMap) -> bool {
         block.items.clear();
         block.effects.clear();
         block.runs.clear();
@@ -244,10 +251,11 @@ impl BlockReader {
         block.refusal = None;
         block.first_line = self.reader.summary.lines + 1;
         let base = lines.next_start();
-        let mut room = Room { lines: BLOCK_LINES, work: BLOCK_WORK };
+        let mut room = Room { lines: BLOCK_LINES, bytes: BLOCK_BYTES, work: BLOCK_WORK };
         let mut is_full = true;
         while !self.has_refused && room.is_left() {
-            if self.fill_run(block, lines, base, map, &mut room) && !room.is_left() {
+            self.fill_run(block, lines, base, map, &mut room);
+            if !room.is_left() {
                 break;
             }
             match self.next_line(lines) {
@@ -265,12 +273,12 @@ impl BlockReader {
                             ItemStep::Correct { comments_in_parentheses }
                         }
                     };
-                    // A block has a thousand lines of at most a megabyte.
+                    // A block has a few megabytes.
                     let from_base = |place: usize| (place - base) as u32;
                     let (start, end, next) =
                         (from_base(line.start), from_base(line.end), from_base(line.next));
                     block.items.push(Item { start, end, next, step });
-                    room.lines -= 1;
+                    room.take_line(line.next - line.start);
                 }
                 Ok(None) => {
                     is_full = false;
@@ -288,7 +296,7 @@ impl BlockReader {
         is_full && !self.has_refused
     }
 
-    /// Reads usual moves as long as they come one behind another; false where none does.
+    /// Reads usual moves as long as they come one behind another.
     #[inline(always)]
     fn fill_run(
         &mut self,
@@ -297,8 +305,8 @@ impl BlockReader {
         base: usize,
         map: &impl PathMap,
         room: &mut Room,
-    ) -> bool {
-        let Some((mut run, origin_mm)) = self.reader.begin_run() else { return false };
+    ) {
+        let Some((mut run, origin_mm)) = self.reader.begin_run() else { return };
         while room.is_left() {
             let start = lines.next_start();
             let rest = lines.buffer().get(start..).unwrap_or_default();
@@ -310,15 +318,13 @@ impl BlockReader {
             lines.skip_line(start + usize::from(usual.length), start + usual.length_with_end());
             block.usual.push(usual);
             run.n_moves += 1;
-            room.lines -= 1;
+            room.take_line(usual.length_with_end());
             room.take_work(1 + self.crossings(map));
         }
-        if run.n_moves == 0 {
-            return false;
+        if run.n_moves > 0 {
+            block.items.push(Item { start: 0, end: 0, next: 0, step: ItemStep::Run });
+            block.runs.push(run);
         }
-        block.items.push(Item { start: 0, end: 0, next: 0, step: ItemStep::Run });
-        block.runs.push(run);
-        true
     }
 
     /// The reader fills the block's own memory.

@@ -140,7 +140,7 @@ impl BlockWriter {
                         self.write_usual(block, run, usual, &end, line, options)?;
                         line += 1;
                     }
-                    self.see_ending(b"\n");
+                    self.see_ending(UsualMove::ENDING);
                     continue;
                 }
             }
@@ -176,18 +176,18 @@ impl BlockWriter {
         line: u64,
         options: &Options,
     ) -> Result<(), GcodeError> {
-        let text = block.text_of_usual(usual);
-        if self.is_marked
-            && let (Way::Whole, Some(solved)) = (end.way, end.solved)
+        let (text, begin) = (block.text_of_usual(usual), self.draft.length());
+        if let (Way::Whole, Some(solved)) = (end.way, end.solved)
             && is_in_reach(&solved.node, &self.reach_mm[0])
-            && self.writer.write_usual(&mut self.draft, text, run, usual, &solved.node)
+            && let Some(is_changed) = self.writer.write_usual(&mut self.draft, text, run, usual, &solved.node)
         {
+            self.mark(is_changed, begin, run.comments_in_parentheses, UsualMove::ENDING, options);
             self.count(line, end.target, std::slice::from_ref(&solved.node), usual.extrusion);
             return Ok(());
         }
-        let (body, behind) = text.split_at(text.len().min(usize::from(usual.length)));
+        let body = text.get(..usize::from(usual.length)).unwrap_or_default();
         let nodes = block.nodes_of(end).map_err(|error| refused(error, line, body))?;
-        let source = SourceLine { body, text, ending: &behind[..behind.len().min(1)], usual_ending: &[] };
+        let source = SourceLine { body, text, ending: UsualMove::ENDING, usual_ending: &[] };
         let (a_move, comments_in_parentheses) = (&run.move_of(usual), run.comments_in_parentheses);
         self.write_move(
             &Outgoing { line, source, a_move, target: end.target, comments_in_parentheses },
@@ -220,12 +220,30 @@ impl BlockWriter {
         let begin = self.draft.length();
         let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
         let written = self.writer.write(&mut self.draft, source, a_move, target, nodes);
+        let ending = if source.ending.is_empty() { source.usual_ending } else { source.ending };
+        // A mark is written once, and few lines end as the one that was kept for it.
         if written.is_changed && !self.is_marked {
-            self.is_marked = true;
-            self.draft.insert(begin, &mark_line(outgoing.comments_in_parentheses, source, options));
+            let ending = ending.to_vec();
+            self.mark(true, begin, outgoing.comments_in_parentheses, &ending, options);
         }
         self.count(line, target, nodes, in_mm(written.extrusion, target.is_inch));
         Ok(())
+    }
+
+    /// Says before the first line that is changed, at this place of the draft, that the program is corrected.
+    #[inline]
+    fn mark(
+        &mut self,
+        is_changed: bool,
+        begin: usize,
+        comments_in_parentheses: bool,
+        ending: &[u8],
+        options: &Options,
+    ) {
+        if is_changed && !self.is_marked {
+            self.is_marked = true;
+            self.draft.insert(begin, &mark_line(comments_in_parentheses, ending, options));
+        }
     }
 
     /// A move that has been written as these nodes, and extrudes so much, `10^-18` mm.
@@ -321,10 +339,9 @@ fn cannot_be_split(a_move: &Move, body: &[u8]) -> Option<Unsupported> {
     }
 }
 
-fn mark_line(in_parentheses: bool, source: SourceLine<'_>, options: &Options) -> Vec<u8> {
+fn mark_line(in_parentheses: bool, ending: &[u8], options: &Options) -> Vec<u8> {
     let (model, tolerance_mm) = (&options.model_name, options.tolerance_mm);
     let text = format!("{MARK}{model}, tolerance {tolerance_mm} mm, do not correct again");
     let comment = if in_parentheses { format!("({text})") } else { format!("; {text}") };
-    let ending = if source.ending.is_empty() { source.usual_ending } else { source.ending };
     [comment.as_bytes(), ending].concat()
 }

@@ -114,6 +114,8 @@ pub struct Line {
     pub has_parameter: bool,
     /// Byte from which nothing could be read.
     pub unreadable: Option<u32>,
+    /// Byte of the first `G` or `M` with a number behind the name that it begins with.
+    pub code_behind_name: Option<u32>,
     /// Byte of the first `=` between a letter and its number, `X=150`, as Siemens' controls have it.
     pub assigned: Option<u32>,
     /// Whether it has a comment that begins with `;`.
@@ -216,8 +218,7 @@ impl Line {
         let is_first = self.head == Head::Empty;
         let directly = start + 1;
         if is_first && body.get(directly).is_some_and(|&b| b.is_ascii_alphabetic() || b == b'_') {
-            self.head = Head::Macro(name(body, start));
-            return None;
+            return self.named(body, start);
         }
         if is_first && letter == b'O' {
             self.head = Head::Subprogram;
@@ -260,10 +261,9 @@ impl Line {
         if body.get(end) == Some(&b'_') {
             // `T0_LOAD` is a name.
             if is_first {
-                self.head = Head::Macro(name(body, start));
-            } else {
-                self.give_up(end);
+                return self.named(body, start);
             }
+            self.give_up(end);
             return None;
         }
         self.head = Head::Words;
@@ -276,6 +276,20 @@ impl Line {
             }
         }
         Some(end)
+    }
+
+    /// Reads the name that a line begins with; gives the place behind it where the line goes on.
+    fn named(&mut self, body: &[u8], start: usize) -> Option<usize> {
+        let name = name(body, start);
+        // `DRILL: G91` has a label of Siemens' controls.
+        if let [b':', rest @ ..] = &body[name.end as usize..]
+            && rest.first() != Some(&b'=')
+        {
+            return Some(name.end as usize + 1);
+        }
+        self.head = Head::Macro(name);
+        self.code_behind_name = code_behind(body, name.end as usize);
+        None
     }
 
     /// Place behind the bracketed expression or the parameter that begins at `start`.
@@ -390,6 +404,34 @@ fn name(body: &[u8], start: usize) -> Span {
     Span::new(start, start + length)
 }
 
+/// Place of the first word behind `start` that begins with `G` or `M` and goes on with a digit; text between quotes, in
+/// parentheses or braces and behind `;` is none.
+fn code_behind(body: &[u8], start: usize) -> Option<u32> {
+    let mut closing = None;
+    let mut before = b'_';
+    for (at, &byte) in body.iter().enumerate().skip(start) {
+        match closing {
+            Some(end) if byte != end => {}
+            Some(_) => closing = None,
+            None => match byte {
+                b'"' | b'\'' => closing = Some(byte),
+                b'(' => closing = Some(b')'),
+                b'{' => closing = Some(b'}'),
+                b';' => return None,
+                b'G' | b'g' | b'M' | b'm' => {
+                    let begins = before.is_ascii_whitespace() || b"\"')".contains(&before);
+                    if begins && body.get(at + 1).is_some_and(u8::is_ascii_digit) {
+                        return Some(at as u32);
+                    }
+                }
+                _ => {}
+            },
+        }
+        before = byte;
+    }
+    None
+}
+
 /// M codes (times ten) whose line is text: messages, file names, object names.
 fn takes_text(code10: u32) -> bool {
     matches!(
@@ -496,6 +538,20 @@ mod tests {
         assert_eq!(lexed("N10 #CS ON [0,0,0,0,0,30]").head, Head::Instruction(Span { start: 5, end: 7 }));
         assert!(lexed("#1=5").has_parameter && lexed("#<depth>=5").has_parameter);
         assert!(!lexed("# X5 to the left").has_parameter && lexed("G1 X5 # left").has_parameter);
+        for text in ["DRILL: G1 X5", "N10 T0_A:G1 X5", "AN_1: ; begins", "END_:"] {
+            let line = lexed(text);
+            assert!(!matches!(line.head, Head::Macro(_)) && line.unreadable.is_none(), "{text}");
+        }
+        assert_eq!(shown("DRILL: G91 X5"), "G=91 X=5");
+        for (text, at) in [
+            ("SUPA G0 Z0", Some(5)),
+            ("MSG(\"G1\") g91", Some(10)),
+            ("MSG(\"DEPTH\")M8", Some(12)),
+            ("PRINT GCODE='G1 X5' G=1 A=G1 {G1} XG1 ; G1", None),
+            ("NAME:=G1", None),
+        ] {
+            assert_eq!(lexed(text).code_behind_name, at, "{text}");
+        }
         for text in ["/G1 X5", "/1 G1 X5", "N7 /G1 X5", "/ 2 N7 G1 X5", "/3G1X5"] {
             assert!(lexed(text).is_block_skip && shown(text) == "G=1 X=5", "{text}");
         }

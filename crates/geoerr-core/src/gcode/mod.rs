@@ -8,12 +8,12 @@
 //! ```
 //!
 //! A program is read line by line, in blocks, and written in the same order; while one block is read the one before is
-//! solved and the one before that is written ([`Rewriter`]). Lines that are no straight moves pass byte for
-//! byte. Of moves that only give X, Y and E, one behind another, no more is kept than their numbers (`usual`); what is a
-//! straight move alone on its line needs no lexer (`plain`). The end of each move is solved once ([`crate::newton`], by polynomials where a machine has a `Grid`); a move
-//! whose path would leave the tolerance is split (from box to box of a `Grid`, or by [`path`]). The [`reader`](self) keeps
-//! the modes and where the program means the machine to be, the writer where the rewritten program puts it: after `G92`
-//! the two differ.
+//! solved and the one before that is written ([`Rewriter`]). Lines that are no straight moves pass byte for byte. Of
+//! moves that only give X, Y and E, one behind another, no more is kept than their numbers (`usual`); what is a
+//! straight move alone on its line needs no lexer (`plain`). The end of each move is solved once ([`crate::newton`], by
+//! polynomials where a machine has a `Grid`); a move whose path would leave the tolerance is split (from box to box of
+//! a `Grid`, or by [`path`]). The [`reader`](self) keeps the modes and where the program means the machine to be, the
+//! writer where the rewritten program puts it: after `G92` the two differ.
 //!
 //! # Direction and speed
 //! Where errors depend on how a place is approached, each move has its [`Course`]: directions and travel from the

@@ -164,6 +164,12 @@ pub enum Unsupported {
         /// 1-based.
         column: u32,
     },
+    /// `SUPA G0 Z0`, `MSG("DEPTH") G91`.
+    #[error("column {column}: a code stands behind a name, which may change what it means")]
+    CodeBehindName {
+        /// 1-based.
+        column: u32,
+    },
     /// Axis words before any `G0` or `G1`.
     #[error("axis words, but no G0 or G1 has said how to move")]
     NoMotionCode,
@@ -296,6 +302,9 @@ impl Unsupported {
             Self::OddWord { .. } | Self::UnknownCode { .. } => {
                 "take it out, or use --on-unsupported pass if it does not move the axes"
             }
+            Self::CodeBehindName { .. } => {
+                "write the code on a line of its own, or use --on-unsupported pass: nothing behind it is corrected then"
+            }
             Self::NoMotionCode => "write G0 or G1 on the line",
             Self::NoInches => "let the slicer or CAM write millimetres (G21)",
             Self::AxisWordsOfM { .. } => {
@@ -365,6 +374,7 @@ impl Unsupported {
             | Self::BlockSkipOfMode
             | Self::UnitOrCycle { changes_unit: true, .. }
             | Self::OtherMeaning
+            | Self::CodeBehindName { .. }
             | Self::RestoredState
             | Self::UnknownState
             | Self::SeveralCodes

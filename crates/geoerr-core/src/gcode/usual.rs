@@ -32,6 +32,9 @@ pub struct UsualMove {
 }
 
 impl UsualMove {
+    /// What ends its line.
+    pub const ENDING: &[u8] = b"\n";
+
     /// The line that `text` begins with; None where it is any other, or does not end well within `text`.
     ///
     /// No word is looked for that does not come next, and nothing has to be told of their order.

@@ -118,7 +118,8 @@ impl Writer {
         Written { is_changed, extrusion: self.shares.extrusion }
     }
 
-    /// Writes a usual move as one line; false where that is more than its numbers, and nothing was written.
+    /// Writes a usual move as one line, and tells whether it differs from the one that came in; None where there is more to
+    /// it than its numbers, and nothing was written.
     #[inline(always)]
     pub fn write_usual(
         &mut self,
@@ -127,15 +128,15 @@ impl Writer {
         run: &Run,
         usual: &UsualMove,
         end: &Node,
-    ) -> bool {
+    ) -> Option<bool> {
         if self.must_give_all {
-            return false;
+            return None;
         }
         let print = self.prints[0];
         let words = self.words(&run.motion_of(usual), end, 0, &print);
         draft.make_room(usual.length_with_end());
         first_piece(draft, text, usual.length_with_end(), &usual.text(), &words);
-        true
+        Some(words.is_new != [false; 3])
     }
 
     /// Lines of further pieces, and the ends of all.

@@ -17,11 +17,16 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 165] = [
+    let cases: [(&str, Unsupported); 170] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
         ("G2 F500\nX10 I5", Unsupported::Arc { code10: 20 }),
+        ("ARC: G2 X10 I5", Unsupported::Arc { code10: 20 }),
+        ("N10 SIDE_1: G41 D1", Unsupported::CutterCompensation { code10: 410 }),
+        ("SUPA G0 Z0 G91", Unsupported::CodeBehindName { column: 6 }),
+        ("MSG(\"SIDE\") G55", Unsupported::CodeBehindName { column: 13 }),
+        ("LIMS=3000 M3", Unsupported::CodeBehindName { column: 11 }),
         ("G5 X10 I5 J5", Unsupported::Spline { code10: 50 }),
         ("G5.2 X10 P1 L3", Unsupported::Spline { code10: 52 }),
         ("G81 X1 Z-5 R2", Unsupported::CannedCycle { code10: 810 }),

@@ -145,6 +145,27 @@ fn coordinate_systems_that_the_program_sets() {
 }
 
 #[test]
+fn what_stands_behind_a_label_is_read() {
+    let program = "G21 G90\nG0 X10 Y10 Z20\nSIDE: G91\nG1 X100 F300\nBACK: G90 G1 X10\nEND:\n";
+    let without = program.replace("SIDE: ", "").replace("BACK: ", "").replace("END:\n", "");
+    let lines = rewritten(scaled(), passing(), program);
+    let plain: Vec<String> =
+        lines.iter().map(|line| line.replace("SIDE: ", "").replace("BACK: ", "")).collect();
+    assert_eq!(plain[..plain.len() - 1], rewritten(scaled(), passing(), &without));
+    assert!(lines[4].starts_with("BACK: G90 G1 X") && lines[5] == "END:", "{lines:?}");
+}
+
+#[test]
+fn a_printer_s_macro_may_have_parameters_like_codes() {
+    let program = "G90\nG1 X10 Y10 Z1\nMY_MACRO G28 M5\nG1 X20 Y20 Z1\n";
+    let named = Options { firmware: Some(Firmware::Klipper), ..options() };
+    assert!(run(scaled(), named, program).is_ok());
+    let still = Options { still: vec![b"MY_MACRO".to_vec()], ..options() };
+    assert!(run(scaled(), still, program).is_ok());
+    assert!(run(scaled(), options(), program).is_err());
+}
+
+#[test]
 fn commands_that_may_move_the_machine_make_it_unknown() {
     let corrected = "G1 X100.1 Y0 Z0\n";
     for command in ["PARK", "G29", "G30", "T1 M6", "G27", "M48 P3", "BED_MESH_CALIBRATE", "G12 P1"] {

@@ -30,7 +30,7 @@ from geoerr.fit import refit
 from geoerr.model import Model
 from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest
-from geoerr.summaries import capitalised, counted, listed, uncapitalised
+from geoerr.summaries import capitalised, counted, listed, p_words, uncapitalised
 from geoerr.terms import EffectReference, Parameter, Term
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class Cause(Named):
     @property
     def sure(self) -> str:
         """How sure it is, in words."""
-        return f"p = {self.p_value:.2g}" if self.p_value >= 1e-12 else "p < 1e-12"
+        return p_words(self.p_value)
 
     @property
     def worth_words(self) -> str:

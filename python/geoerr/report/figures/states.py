@@ -12,6 +12,7 @@ from geoerr.machine import AXES
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
 from geoerr.states import Difference, States, VolumeDifference
+from geoerr.summaries import p_words
 
 _CURVES_PX = 1280
 _MAP_PX = 860
@@ -151,7 +152,7 @@ def difference_curves(difference: Difference) -> go.Figure:
         figure,
         f"What differs: {difference.second} minus {difference.first}",
         f"bands hold for all functions at once (95 %, ± {difference.band_factor:.1f} standard uncertainties); "
-        f"p {style_probability(difference.p_value)} that nothing differs",
+        f"{p_words(difference.p_value)} that nothing differs",
         _CURVES_PX,
         above_plots_px=24,
         legend=True,
@@ -221,11 +222,6 @@ def difference_map(volume: VolumeDifference, title: str = "Difference over the v
     )
     figure.update_layout(margin={"r": 80})
     return figure
-
-
-def style_probability(p_value: float) -> str:
-    """Write a probability behind `p`."""
-    return "< 1e-99" if p_value < 1e-99 else f"= {p_value:.2g}"
 
 
 def _colors(temperatures: Numbers) -> list[str]:

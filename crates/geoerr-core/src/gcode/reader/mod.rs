@@ -417,6 +417,14 @@ impl Reader {
             Head::Percent => self.n_percent += 1,
             Head::Subprogram if self.is_program_number(body) => self.is_numbered = true,
             Head::Subprogram => return Err(Unsupported::FlowControl),
+            // Printers' macros have parameters of any name; other controls read words behind a name as their own.
+            Head::Macro(_)
+                if self.options.firmware.is_none()
+                    && let Some(at) = line.code_behind_name
+                    && !self.is_still(body) =>
+            {
+                return Err(Unsupported::CodeBehindName { column: at + 1 });
+            }
             Head::Macro(name) => return self.macro_line(Macro::of(name.of(body)), body),
             Head::Instruction(name) if self.options.firmware.is_none() => {
                 let behind = body.get(name.end as usize..).unwrap_or_default();
