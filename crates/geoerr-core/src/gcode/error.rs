@@ -75,7 +75,12 @@ pub enum GcodeError {
         high_mm: f64,
     },
     /// A position at which the errors were not measured.
-    #[error("{text}: {axis} {position_mm} mm is outside the measured range, {low_mm} to {high_mm} mm")]
+    #[error(
+        "{text}: {axis} {} mm is outside the measured range, {} to {} mm",
+        shown(*.position_mm),
+        shown(*.low_mm),
+        shown(*.high_mm)
+    )]
     OutsideMeasured {
         /// 1-based line.
         line: u64,
@@ -130,6 +135,11 @@ pub enum GcodeError {
         /// What is needed.
         needed: &'static str,
     },
+}
+
+/// A place in as many digits as mean anything.
+fn shown(place_mm: f64) -> f64 {
+    (1e6 * place_mm).round() / 1e6
 }
 
 impl GcodeError {

@@ -10,8 +10,6 @@ use super::products::Products;
 use super::scene::{PER_MEDIAN, Scene, is_below, largest_step};
 
 const LEAST_BLUR_PX2: f64 = 0.04;
-/// Steps shrink at least so much each time near the end.
-const LEAST_SHRUNK: f64 = 0.1;
 /// A pixel that is this far off shows dirt, a scratch or a reflection, not the marker.
 const OUTLIER_SIGMAS: f64 = 6.0;
 const OUTLIER_CONTRAST: f64 = 0.08;
@@ -21,24 +19,11 @@ const MOST_WRONG: f64 = 0.1;
 /// Everything that is adjusted, and the residual.
 const N_ALL: usize = N_UNKNOWNS + 1;
 
-/// How many steps at most, and what ends them.
+/// How many steps at most, and the movement of corners that ends them.
 #[derive(Clone, Copy)]
 pub(super) struct Steps {
     pub most: usize,
-    /// A movement of corners after which nothing is left: steps shrink at least tenfold each time near the end.
     pub converged_px: f64,
-}
-
-impl Steps {
-    /// Whether a step is the last, by how far it and the one before moved corners.
-    ///
-    /// What is left is as much smaller than a step as that is smaller than the one before: a step that would only show it
-    /// need not be made.
-    fn end_with(&self, movement_px: f64, before_px: f64) -> bool {
-        let shrunk = movement_px / before_px;
-        movement_px < self.converged_px
-            || (shrunk < LEAST_SHRUNK && movement_px * shrunk < LEAST_SHRUNK * self.converged_px)
-    }
 }
 
 pub(super) struct Adjusted {
@@ -62,8 +47,6 @@ pub(super) fn adjust(
     let free: Vec<usize> =
         (0..N_UNKNOWNS).filter(|i| free_blur || !(FIRST_BLUR..FIRST_LEVEL).contains(i)).collect();
     let mut corners = scene.corners_px(&state.homography);
-    // Before the first step there is none to compare with.
-    let mut before_px = 0.0;
     for _ in 0..steps.most {
         let Normal { gram, right } = Normal::of(scene, pixels, &state);
         let of_free: Vec<f64> = free.iter().flat_map(|&i| free.iter().map(move |&j| gram[i][j])).collect();
@@ -78,10 +61,9 @@ pub(super) fn adjust(
         if !is_below(movement, scene.module_px * scene.n_modules as f64) {
             return Err(MarkerError::Diverged);
         }
-        if steps.end_with(movement, before_px) {
+        if movement < steps.converged_px {
             return Ok(Adjusted { state, converged: true });
         }
-        before_px = movement;
     }
     Ok(Adjusted { state, converged: false })
 }

@@ -62,6 +62,7 @@ const MOST_COARSE_PIXELS: usize = 2_500;
 const COARSE_HALF_PX: f64 = 40.0;
 const COARSE: Steps = Steps { most: 8, converged_px: 0.05 };
 const COARSE_WITH_BLUR: Steps = Steps { most: 4, converged_px: 0.05 };
+/// Steps shrink at least tenfold each time near the end: what is left after one of this size is nothing.
 const FINE: Steps = Steps { most: 25, converged_px: 2e-4 };
 const OUTLIER_ROUNDS: usize = 4;
 
