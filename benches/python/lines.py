@@ -20,9 +20,9 @@ OURS = "geoerr, with covariances"
 OURS_ALONG = "geoerr, with covariances and distances along"
 AIM_NS = 2.0
 IN_THE_WAY = (
-    "Nothing stands out: a quarter of the core's time lays points out by coordinate, a quarter finds where lines "
-    "begin and their chords, a sixth sums nine moments, and a third solves the lines and their covariances, which "
-    "the peers do not give, and hands them over."
+    "Of the core's time a third reads points and lays them out by coordinate, a tenth sums nine moments, two "
+    "fifths find chords and solve the lines with their covariances, which the peers do not give, and an eighth "
+    "clears and hands over the memory of the results; a sixth more is NumPy's side of the call."
 )
 
 
