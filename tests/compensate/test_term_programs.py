@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import json
 import re
 from pathlib import Path
@@ -119,7 +120,9 @@ def test_the_checker_agrees_and_finds_other_conditions_out(tmp_path):
         source.write_text(drawn_program())
         result = compensate_program(model, source, target, at=HOT)
         path = compare_paths(model, source, target, at=HOT)
-        assert path.max_error_um_after < 1e3 * TOLERANCE_MM
+        # Axes that rest are moved back by their corrections: their play is what no direction of the program tells.
+        assert path.held_back_um < 1e3 * np.hypot(0.05, 0.03) + 0.01
+        assert path.max_error_um_after < 1e3 * TOLERANCE_MM + path.held_back_um
         assert path.max_error_um_before > 100.0
         assert path.moves_with_other_extrusion == 0
         assert path.max_feed_change_percent == 0.0
@@ -168,6 +171,35 @@ def test_a_correction_that_turns_an_axis_at_rest_is_told(rise_mm, line):
     assert (up[-1] - up[0]) * rise_mm < 0.0
     # Once for a rest, where it has gone back by more than the tolerance.
     assert [(one.line, one.count) for one in told] == ([] if line is None else [(line, 1)])
+
+
+@pytest.mark.parametrize("rise_mm", [0.012, 0.06, -0.06])
+def test_what_play_holds_back_at_rest_is_in_the_path_that_is_verified(rise_mm, tmp_path):
+    """The same, with the play of x followed command by command: where the tool really is."""
+    of = machine("wbXYZt")
+    play_mm = 0.02
+    square = term(of, "squareness:xy", S=-rise_mm / 290.0)
+    model = Model(of, None, (term(of, "backlash:x", b=play_mm), square))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text("G1 X10 Y10 Z5\nG1 X100\nG1 Y100 ; up\nG1 Y200\nG1 Y300\nG1 X120\nG1 Y10\n")
+    compensate_program(model, source, target)
+    path = compare_paths(model, source, target)
+
+    commands = groups(target.read_text())[0]
+    ways = [np.linspace(begin, end, 400) for begin, end in itertools.pairwise(commands)]
+    way = np.concatenate(ways)
+    carried = way.copy()
+    at = way[0, 0] - 0.5 * play_mm
+    for row, x in enumerate(way[:, 0]):
+        at = float(np.clip(at, x - 0.5 * play_mm, x + 0.5 * play_mm))
+        carried[row, 0] = at
+    tool = carried + Model(of, None, (square,)).error_mm(way)
+    # While Y moves X means to stand at 100, then at 120.
+    rests = np.abs(np.diff(way[:, 1], prepend=way[0, 1])) > 0.0
+    meant = np.where(way[:, 0] < 110.0, 100.0, 120.0)
+    off_um = 1e3 * np.abs(tool[:, 0] - meant)[rests].max()
+    assert off_um > 9.0
+    assert path.max_error_um_after == pytest.approx(off_um, abs=0.6)
 
 
 def test_wind_up_is_followed_along_the_move(tmp_path):
@@ -561,11 +593,18 @@ def test_the_verbs(tmp_path):
     document = json.loads(done.stdout)
     assert document["left_out"] == []
     assert document["correction_std_um"] is None
-    checked = CliRunner().invoke(app, ["verify", "path", *files, str(target), *at, "--tolerance", "0.005", "--json"])
+    # X and Y have play of 50 and 30 µm, and rest in some moves while corrections move them back.
+    verify = ["verify", "path", *files, str(target), *at]
+    checked = CliRunner().invoke(app, [*verify, "--tolerance", "0.065", "--json"])
     assert checked.exit_code == 0, checked.output
     for verb in (done, checked):
         assert "note: the model does not depend on spool: --at spool changes nothing" in verb.stderr
-    assert json.loads(checked.stdout)["max_error_um_after"] < 5.0
+    path = json.loads(checked.stdout)
+    assert path["max_error_um_after"] < 5.0 + path["held_back_um"]
+    refused = CliRunner().invoke(app, [*verify, "--tolerance", "0.005"])
+    assert refused.exit_code == 1
+    assert "of this, play holds back up to" in refused.stdout
+    assert "come to that place from the other side" in str(refused.exception)
     cold = [*files, str(target), "--at", "temp_bed=reference", "--tolerance", "0.005"]
     assert CliRunner().invoke(app, ["verify", "path", *cold]).exit_code == 1
 

@@ -35,6 +35,16 @@ _EXAMPLES = (
     "geoerr verify path model.json part.gcode part-corrected.gcode --at temp_bed=90",
     "geoerr verify path errors.json part.gcode part-corrected.gcode --tolerance 0.02 --json",
 )
+# Less of what play holds back says nothing.
+_LEAST_HELD_UM = 0.05
+_AS_COMPENSATE = (
+    "give what compensate was given: the program as it was written, the model, --at, --home, --work-offset and the "
+    "others, and no smaller tolerance"
+)
+_HELD_BACK = (
+    "play holds back an axis that rests while its correction moves it back: let the program come to that place from "
+    "the other side, so that the correction goes on in the axis' direction, or ask for no less than the play"
+)
 _BEHIND_HOME = "of the first move behind G28 only the end is corrected"
 
 
@@ -133,6 +143,11 @@ def _report(result: PathResult, *, is_home_known: bool) -> str:
         not_compared = counted(result.moves_not_compared, "move")
         begins = f"{_BEHIND_HOME}; or position" if is_home_known else "position"
         lines.append(f"{not_compared} not compared ({begins} not known, or no straight move)")
+    if result.held_back_um >= _LEAST_HELD_UM:
+        lines.append(
+            f"of this, play holds back up to {result.held_back_um:.3f} µm of an axis that rests while\n"
+            f"  its correction moves it back (line {result.held_back_line})"
+        )
     if result.moves_not_followed:
         lines.append(_not_followed(result))
     if result.moves_with_other_extrusion:
@@ -211,8 +226,7 @@ def _off_path(result: PathResult, tolerance_mm: float) -> _Problems:
         yield (
             f"the corrected path is up to {result.max_error_um_after:.3f} µm off"
             f" (line {result.max_error_line_after}), {tolerance_mm * 1e3:g} µm were asked for",
-            "give what compensate was given: the program as it was written, the model, --at, --home, --work-offset"
-            " and the others, and no smaller tolerance",
+            _HELD_BACK if 2.0 * result.held_back_um >= result.max_error_um_after else _AS_COMPENSATE,
         )
 
 

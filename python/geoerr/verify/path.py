@@ -23,6 +23,7 @@ from geoerr.verify.path_matching import Run, paired_runs
 from geoerr.verify.path_pieces import Pieces, pieces_of
 from geoerr.verify.path_tally import Tally
 from geoerr.verify.program_reader import FIRMWARES, UNITS_PER_MM, ProgramReader
+from geoerr.verify.resting import Resting
 
 Numbers = npt.NDArray[np.float64]
 
@@ -36,7 +37,8 @@ class PathResult:
     """How far the tool is from where the program means it to be.
 
     Errors are distances between the actual tool position, by the model, and the intended one at the same share of the
-    move; rms figures weigh every millimetre of the path alike.
+    move; rms figures weigh every millimetre of the path alike. Of the corrected program they count what play holds
+    back of axes that rest while corrections move them.
 
     Attributes
     ----------
@@ -46,6 +48,9 @@ class PathResult:
         Of the corrected one.
     max_error_line_after
         Line of the corrected program where its largest error is; 0 where nothing was compared.
+    held_back_um, held_back_line
+        Largest part of these that play holds back of axes that rest while their corrections move them back, and the
+        line of the corrected program where it is; 0 where there is none.
     moves_in, moves_out
         Moves (lines that give X, Y or Z to a motion code) of both.
     moves_compared, moves_not_compared
@@ -78,6 +83,8 @@ class PathResult:
     rms_um_before: float
     rms_um_after: float
     max_error_line_after: int
+    held_back_um: float
+    held_back_line: int
     moves_in: int
     moves_out: int
     moves_compared: int
@@ -200,10 +207,13 @@ def compare_paths(
     windups = machine.windups if machine.follows_motion else None
     reader_in = ProgramReader(before, *options, windups=windups, ranges_mm=ranges_mm, still=still)
     reader_out = ProgramReader(after, *options, windups=None, ranges_mm=ranges_mm, still=still)
-    in_figures, out_figures = _Figures(), _Figures()
-    tally = Tally()
+    in_figures, out_figures, held_back = _Figures(), _Figures(), _Figures()
+    tally, resting = Tally(), Resting()
     for batch in _batches(paired_runs(reader_in, reader_out)):
-        pieces = pieces_of(machine, reader_in.path, reader_out.path, batch, tally)
+        pieces = pieces_of(machine, reader_in.path, reader_out.path, batch, tally, resting)
+        if pieces.held_mm is not None and len(pieces.line):
+            held_mm = np.linalg.norm(pieces.held_mm[:, 1], axis=1)
+            held_back.add(held_mm, np.ones_like(held_mm), pieces.line)
         for part in _parts(pieces, sample_step_mm):
             samples = _sample(machine, part, sample_step_mm, in_figures, out_figures)
             if on_samples is not None:
@@ -217,6 +227,8 @@ def compare_paths(
         rms_um_before=in_figures.rms_mm * 1e3,
         rms_um_after=out_figures.rms_mm * 1e3,
         max_error_line_after=out_figures.largest_at,
+        held_back_um=held_back.largest_mm * 1e3,
+        held_back_line=held_back.largest_at if held_back.largest_mm > 0.0 else 0,
         moves_in=reader_in.n_moves,
         moves_out=reader_out.n_moves,
         moves_compared=tally.n_compared,
@@ -304,7 +316,10 @@ def _sample(
     weight = (length_mm / n_intervals)[piece] * np.where(is_end, 0.5, 1.0)
     line = pieces.line[piece]
     before = np.linalg.norm(machine.error_mm(ideal, motion), axis=1)
-    after = np.linalg.norm((command - ideal) + machine.error_mm(command, motion), axis=1)
+    off = (command - ideal) + machine.error_mm(command, motion)
+    if pieces.held_mm is not None:
+        off += pieces.held_mm[piece, 0] * (1.0 - share) + pieces.held_mm[piece, 1] * share
+    after = np.linalg.norm(off, axis=1)
     in_figures.add(before, weight, line)
     out_figures.add(after, weight, line)
     return PathSamples(ideal, before, after, weight)

@@ -18,6 +18,7 @@ from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces
 from geoerr.verify.path_tally import Tally
 from geoerr.verify.program_motion import Courses
 from geoerr.verify.program_reader import Move
+from geoerr.verify.resting import Resting
 
 Numbers: TypeAlias = npt.NDArray[np.float64]
 _Places: TypeAlias = npt.NDArray[np.int64]
@@ -34,7 +35,8 @@ _FIRST_LOOK = 2
 class Pieces:
     """Straight pieces of the corrected program: commanded and intended ends, lines, motion; all (n, ...).
 
-    Motion (n, 2, m) is that at both ends; None where errors do not depend on it.
+    Motion (n, 2, m) is that at both ends, and so is what play holds back of axes that rest, (n, 2, 3); None where
+    errors do not depend on it.
     """
 
     command_begin_mm: Numbers
@@ -43,6 +45,7 @@ class Pieces:
     ideal_end_mm: Numbers
     line: _Places
     motion: Numbers | None
+    held_mm: Numbers | None
 
     def part(self, of: slice | npt.NDArray[np.bool_]) -> Pieces:
         """Give some of them."""
@@ -53,11 +56,17 @@ class Pieces:
             self.ideal_end_mm[of],
             self.line[of],
             None if self.motion is None else self.motion[of],
+            None if self.held_mm is None else self.held_mm[of],
         )
 
 
 def pieces_of(
-    machine: ProgramMachine, before: Path, after: Path, batch: Sequence[tuple[Run, Run]], tally: Tally
+    machine: ProgramMachine,
+    before: Path,
+    after: Path,
+    batch: Sequence[tuple[Run, Run]],
+    tally: Tally,
+    resting: Resting,
 ) -> Pieces:
     """Match the moves of a batch; give the pieces of those that can be compared.
 
@@ -89,13 +98,18 @@ def pieces_of(
     begun[first] = 0.0
     begin_mm = _rows([one.start_mm or (np.nan, np.nan, np.nan) for one in own])
     begin_mm = np.where(np.isnan(begin_mm), start_mm[of], begin_mm)
+    motion = held_mm = None
+    if courses is not None:
+        motion = np.stack([courses.motion_at(of, begun), courses.motion_at(of, shares)], axis=1)
+        held_mm = resting.held_mm(machine, command_mm, motion[:, 1], courses.moves(of))
     pieces = Pieces(
         begin_mm,
         command_mm,
         _between(start_mm[of], end_mm[of], begun),
         _between(start_mm[of], end_mm[of], shares),
         np.array(lines, dtype=np.int64),
-        None if courses is None else np.stack([courses.motion_at(of, begun), courses.motion_at(of, shares)], axis=1),
+        motion,
+        held_mm,
     )
     return pieces.part(is_compared[of])
 
