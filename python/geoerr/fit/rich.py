@@ -77,10 +77,12 @@ def _richer_by_itself(
             alike = [
                 name for name in rich if name[1] in kind and rich[name].axis == axis and bases[name] != rich[name]
             ]
+            if not alike:
+                continue
             for some in (alike, *([name] for name in alike if len(alike) > 1)):
                 richer = {**bases, **{name: rich[name] for name in some}}
-                found = fit(richer) if some else fitted
-                if some and _n_open(found, rich) <= least:
+                found = fit(richer)
+                if _n_open(found, rich) <= least:
                     bases, fitted = richer, found
                     if some is alike:
                         break

@@ -181,7 +181,9 @@ impl BlockWriter {
             && is_in_reach(&solved.node, &self.reach_mm[0])
             && let Some(is_changed) = self.writer.write_usual(&mut self.draft, text, run, usual, &solved.node)
         {
-            self.mark(is_changed, begin, run.comments_in_parentheses, UsualMove::ENDING, options);
+            if is_changed && !self.is_marked {
+                self.mark(begin, run.comments_in_parentheses, UsualMove::ENDING, options);
+            }
             self.count(line, end.target, std::slice::from_ref(&solved.node), usual.extrusion);
             return Ok(());
         }
@@ -220,30 +222,19 @@ impl BlockWriter {
         let begin = self.draft.length();
         let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
         let written = self.writer.write(&mut self.draft, source, a_move, target, nodes);
-        let ending = if source.ending.is_empty() { source.usual_ending } else { source.ending };
-        // A mark is written once, and few lines end as the one that was kept for it.
         if written.is_changed && !self.is_marked {
-            let ending = ending.to_vec();
-            self.mark(true, begin, outgoing.comments_in_parentheses, &ending, options);
+            let ending = if source.ending.is_empty() { source.usual_ending } else { source.ending }.to_vec();
+            self.mark(begin, outgoing.comments_in_parentheses, &ending, options);
         }
         self.count(line, target, nodes, in_mm(written.extrusion, target.is_inch));
         Ok(())
     }
 
     /// Says before the first line that is changed, at this place of the draft, that the program is corrected.
-    #[inline]
-    fn mark(
-        &mut self,
-        is_changed: bool,
-        begin: usize,
-        comments_in_parentheses: bool,
-        ending: &[u8],
-        options: &Options,
-    ) {
-        if is_changed && !self.is_marked {
-            self.is_marked = true;
-            self.draft.insert(begin, &mark_line(comments_in_parentheses, ending, options));
-        }
+    #[cold]
+    fn mark(&mut self, begin: usize, comments_in_parentheses: bool, ending: &[u8], options: &Options) {
+        self.is_marked = true;
+        self.draft.insert(begin, &mark_line(comments_in_parentheses, ending, options));
     }
 
     /// A move that has been written as these nodes, and extrudes so much, `10^-18` mm.
