@@ -61,10 +61,11 @@ def groups(text: str) -> list[np.ndarray]:
 class PlayMachine:
     """Axes with real play: a carriage follows its drive only when the drive has crossed the play.
 
-    The rest is written down from the formulas: a belt tooth on X, growth of Y.
+    The rest is written down from the formulas: a belt tooth on X, growth of Y, and that Y leans.
     """
 
-    def __init__(self, play_mm: tuple[float, float], temp_degc: float) -> None:
+    def __init__(self, play_mm: tuple[float, float], temp_degc: float, lean_rad: float = 0.0) -> None:
+        self.lean_rad = lean_rad
         self.half = np.array([*play_mm, 0.0]) / 2.0
         self.carriage = np.full(3, np.nan)
         self.growth = 1.7e-5 * (temp_degc - 20.0)
@@ -73,7 +74,10 @@ class PlayMachine:
         start = np.where(np.isnan(self.carriage), drive, self.carriage)
         self.carriage = np.clip(start, drive - self.half, drive + self.half)
         x, y, _ = drive
-        return self.carriage + np.array([0.02 * np.sin(2 * np.pi * x / 2.0), self.growth * (y - 200.0), 0.0])
+        # Errors of Y are along the nominal axis, its travel along the real one.
+        wave, growth = 0.02 * np.sin(2 * np.pi * x / 2.0), self.growth * (y - 200.0)
+        leaning = y * np.array([np.sin(self.lean_rad), np.cos(self.lean_rad) - 1.0])
+        return self.carriage + np.array([wave + leaning[0], growth + leaning[1], 0.0])
 
 
 def off_segment(point: np.ndarray, begin: np.ndarray, end: np.ndarray) -> float:
@@ -88,14 +92,17 @@ def straight_printer() -> Model:
     return printer("wbXYZt").without("squareness:xy")
 
 
-def test_a_machine_with_play_follows_the_program():
+@pytest.mark.parametrize(("model", "lean_rad"), [(straight_printer(), 0.0), (printer(), 5e-3)])
+def test_a_machine_with_play_follows_the_program(model, lean_rad):
+    """Where Y leans, corrections turn X in many of the moves that leave it at rest."""
     program = drawn_program(15)
-    written, result = compensate_bytes(straight_printer(), program.encode(), at=HOT)
-    assert {warning.kind for warning in result.warnings} <= {"direction-unknown", "position-unknown"}
+    written, result = compensate_bytes(model, program.encode(), at=HOT)
+    kinds = {warning.kind for warning in result.warnings}
+    assert kinds - {"direction-unknown", "position-unknown"} == ({"turned-at-rest"} if lean_rad else set())
     ideal, commanded = groups(program), groups(written.decode())
     assert len(ideal) == len(commanded)
     for corrected, expected in ((commanded, TOLERANCE_MM), (ideal, None)):
-        run = PlayMachine((0.05, 0.03), HOT["temp_bed"])
+        run = PlayMachine((0.05, 0.03), HOT["temp_bed"], lean_rad)
         drive, worst = corrected[0][-1], 0.0
         run.at(drive)
         for number, group in enumerate(corrected[1:]):
@@ -120,9 +127,7 @@ def test_the_checker_agrees_and_finds_other_conditions_out(tmp_path):
         source.write_text(drawn_program())
         result = compensate_program(model, source, target, at=HOT)
         path = compare_paths(model, source, target, at=HOT)
-        # Axes that rest are moved back by their corrections: their play is what no direction of the program tells.
-        assert path.held_back_um < 1e3 * np.hypot(0.05, 0.03) + 0.01
-        assert path.max_error_um_after < 1e3 * TOLERANCE_MM + path.held_back_um
+        assert path.max_error_um_after < 1e3 * TOLERANCE_MM
         assert path.max_error_um_before > 100.0
         assert path.moves_with_other_extrusion == 0
         assert path.max_feed_change_percent == 0.0
@@ -156,50 +161,118 @@ def test_a_reversal_begins_with_a_piece_that_extrudes_nothing():
     assert [warning.kind for warning in result.warnings] == ["direction-unknown"]
 
 
-@pytest.mark.parametrize(("rise_mm", "line"), [(-0.004, None), (0.004, None), (0.06, 3), (-0.06, 7)])
-def test_a_correction_that_turns_an_axis_at_rest_is_told(rise_mm, line):
-    """X came from below. On the way along Y, up or down, it is moved back: its play is crossed there."""
+SIDES = b"G1 X10 Y10 Z5\nG1 X100\nG1 Y100 ; up\nG1 Y200\nG1 Y300\nG1 X120\nG1 Y10\n"
+
+
+def leaning(rise_mm: float, play_mm: float = 0.02) -> Model:
+    """A machine with play of X, which the correction moves by that over 290 mm of Y, against the error."""
     of = machine("wbXYZt")
-    # Along 290 mm; x is moved against the error.
-    lean = rise_mm / 290.0
-    model = Model(of, None, (term(of, "backlash:x", b=0.02), term(of, "squareness:xy", S=-lean)))
-    program = b"G1 X10 Y10 Z5\nG1 X100\nG1 Y100 ; up\nG1 Y200\nG1 Y300\nG1 X120\nG1 Y10\n"
+    lean = term(of, "squareness:xy", S=-rise_mm / 290.0)
+    return Model(of, None, (term(of, "backlash:x", b=play_mm), lean))
+
+
+def off_while_y_moves_um(rise_mm: float, commands: np.ndarray, play_mm: float = 0.02) -> float:
+    """How far X is at most from 100 and from 120, where the program leaves it: followed across the play."""
+    way = np.concatenate([np.linspace(begin, end, 400) for begin, end in itertools.pairwise(commands)])
+    at, off_um = way[0, 0] - 0.5 * play_mm, 0.0
+    for before, (x, y, _) in itertools.pairwise(way):
+        at = float(np.clip(at, x - 0.5 * play_mm, x + 0.5 * play_mm))
+        if abs(y - before[1]) > 0.0:
+            meant = 100.0 if x < 110.0 else 120.0
+            off_um = max(off_um, 1e3 * abs(at + rise_mm / 290.0 * y - meant))
+    return off_um
+
+
+@pytest.mark.parametrize(
+    ("rise_mm", "play_mm", "line"),
+    [
+        (0.0015, 0.02, None),
+        (-0.0015, 0.02, None),
+        (0.06, 0.0015, None),
+        (0.06, 0.02, 3),
+        (-0.06, 0.02, 7),
+        (1.0, 0.1, 3),
+    ],
+)
+def test_a_correction_that_turns_an_axis_at_rest_takes_up_its_play(rise_mm, play_mm, line):
+    """X came from below. On the way along Y, up or down, it is moved back: its play is crossed there."""
+    written, result = compensate_bytes(leaning(rise_mm, play_mm), SIDES)
+    told = [(one.line, one.count) for one in result.warnings if one.kind == "turned-at-rest"]
+    # Less than two fifths of the tolerance are left to play.
+    assert told == ([] if line is None else [(line, 1)])
+    off_um = off_while_y_moves_um(rise_mm, groups(written.decode())[0], play_mm)
+    assert off_um < (0.1 if line else 0.4e3 * TOLERANCE_MM)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_turns_are_followed_across_blocks_by_any_number_of_threads(seed, tmp_path):
+    """Axes that rest, creep and turn in 9,000 lines; the checker follows them command by command."""
+    rng = np.random.default_rng(seed)
+    places, at = [], np.array([200.0, 200.0])
+    for _ in range(9000):
+        # One axis moves by no less than 0.1 mm, the other may rest or creep.
+        lengths_mm = np.array([rng.choice([0.0, 0.003, 0.3, 40.0]), rng.choice([1.0, 40.0])])
+        step = rng.permutation(lengths_mm * rng.uniform(0.1, 1.0, 2) * rng.choice([-1.0, 1.0], 2))
+        at = np.round(at + np.where(np.abs(at + step - 200.0) > 180.0, -step, step), 3)
+        places.append(at)
+    of = machine("wbXYZt")
+    play_mm = [term(of, "backlash:x", b=0.03), term(of, "backlash:y", b=0.011)]
+    bow = ErrorFunction(np.array([0.0, 130.0, 400.0]), np.array([0.02, -0.05, 0.03]))
+    lean = {"EC0Y": Squareness(rng.uniform(-1e-3, 1e-3))}
+    model = Model(of, ErrorFunctions(of, {"EYX": bow}, lean, "joint"), tuple(play_mm))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text("G1 X200 Y200 Z5 F600\nG1 X201 Y201\n" + "".join(f"G1 X{x:.3f} Y{y:.3f}\n" for x, y in places))
+    result = compensate_program(model, source, target, threads=2)
+    (turned,) = (one for one in result.warnings if one.kind == "turned-at-rest")
+    assert turned.count > 100
+    assert compare_paths(model, source, target).max_error_um_after < 1e3 * TOLERANCE_MM
+    assert compensate_bytes(model, source.read_bytes(), threads=1)[0] == target.read_bytes()
+
+
+def test_play_is_taken_up_within_a_move_where_the_correction_turns():
+    """X has to go up by 60 µm along the first half of a move in Y, and back along the other."""
+    of = machine("wbXYZt")
+    bow = ErrorFunction(np.array([0.0, 200.0, 400.0]), np.array([0.0, -0.06, 0.0]))
+    model = Model(of, ErrorFunctions(of, {"EXY": bow}, {}, "joint"), (term(of, "backlash:x", b=0.02),))
+    program = b"M83\nG1 X10 Y0 Z5\nG1 X100 E1\nG1 Y400 E4\nG1 X120 E1\n"
     written, result = compensate_bytes(model, program)
-    told = [warning for warning in result.warnings if warning.kind == "turned-at-rest"]
-    commands = groups(written.decode())[0]
-    up = commands[(commands[:, 1] > 10.0) & (np.abs(commands[:, 0] - 100.0) < 1.0)][:, 0]
-    assert (up[-1] - up[0]) * rise_mm < 0.0
-    # Once for a rest, where it has gone back by more than the tolerance.
-    assert [(one.line, one.count) for one in told] == ([] if line is None else [(line, 1)])
+    lines = [line for line in written.decode().splitlines() if "geoerr" not in line]
+    assert lines[3:] == [
+        "G1 X100.0100 E1.00000",
+        "G1 Y200.0000 X100.0700 E2.00000",
+        # Behind its play X comes from above, and goes back until it moves up again.
+        "G1 X100.0500 E0.00000",
+        "G1 X99.9900 Y400.0000 E2.00000",
+        "G1 X100.0100 E0.00000",
+        "G1 X120.0100 E1.00000",
+    ]
+    assert [(one.kind, one.line) for one in result.warnings][1:] == [("turned-at-rest", 4)]
+    assert result.extrusion_in_mm == result.extrusion_out_mm == 6.0
 
 
 @pytest.mark.parametrize("rise_mm", [0.012, 0.06, -0.06])
-def test_what_play_holds_back_at_rest_is_in_the_path_that_is_verified(rise_mm, tmp_path):
-    """The same, with the play of x followed command by command: where the tool really is."""
-    of = machine("wbXYZt")
-    play_mm = 0.02
-    square = term(of, "squareness:xy", S=-rise_mm / 290.0)
-    model = Model(of, None, (term(of, "backlash:x", b=play_mm), square))
+def test_play_that_is_not_taken_up_is_in_the_path_that_is_verified(rise_mm, tmp_path):
+    """Programs that are corrected for the program's directions alone, and for those of commands."""
+    model, play_mm = leaning(rise_mm), 0.02
     source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
-    source.write_text("G1 X10 Y10 Z5\nG1 X100\nG1 Y100 ; up\nG1 Y200\nG1 Y300\nG1 X120\nG1 Y10\n")
+    source.write_bytes(SIDES)
     compensate_program(model, source, target)
     path = compare_paths(model, source, target)
+    assert path.max_error_um_after == pytest.approx(
+        off_while_y_moves_um(rise_mm, groups(target.read_text())[0]), abs=0.1
+    )
+    assert path.held_back_um < 0.1
 
-    commands = groups(target.read_text())[0]
-    ways = [np.linspace(begin, end, 400) for begin, end in itertools.pairwise(commands)]
-    way = np.concatenate(ways)
-    carried = way.copy()
-    at = way[0, 0] - 0.5 * play_mm
-    for row, x in enumerate(way[:, 0]):
-        at = float(np.clip(at, x - 0.5 * play_mm, x + 0.5 * play_mm))
-        carried[row, 0] = at
-    tool = carried + Model(of, None, (square,)).error_mm(way)
-    # While Y moves X means to stand at 100, then at 120.
-    rests = np.abs(np.diff(way[:, 1], prepend=way[0, 1])) > 0.0
-    meant = np.where(way[:, 0] < 110.0, 100.0, 120.0)
-    off_um = 1e3 * np.abs(tool[:, 0] - meant)[rests].max()
+    # X always comes from below: half of its play further.
+    ways = [(10, 10), (100, 10), (100, 100), (100, 200), (100, 300), (120, 300), (120, 10)]
+    commands = np.array([(x + 0.5 * play_mm - rise_mm / 290.0 * y, y, 5.0) for x, y in ways])
+    target.write_text("".join(f"G1 X{x:.4f} Y{y:.4f} Z{z}\n" for x, y, z in commands))
+    path = compare_paths(model, source, target)
+    off_um = off_while_y_moves_um(rise_mm, commands)
     assert off_um > 9.0
-    assert path.max_error_um_after == pytest.approx(off_um, abs=0.6)
+    # Of the first move nothing says that X comes from below: its begin is not solved for.
+    assert path.max_error_um_after == pytest.approx(max(off_um, 10.0), abs=0.6)
+    assert path.held_back_um == pytest.approx(off_um, abs=0.6)
 
 
 def test_wind_up_is_followed_along_the_move(tmp_path):
@@ -593,18 +666,13 @@ def test_the_verbs(tmp_path):
     document = json.loads(done.stdout)
     assert document["left_out"] == []
     assert document["correction_std_um"] is None
-    # X and Y have play of 50 and 30 µm, and rest in some moves while corrections move them back.
+    # X and Y have play of 50 and 30 µm, and are turned by corrections in moves that leave them at rest.
     verify = ["verify", "path", *files, str(target), *at]
-    checked = CliRunner().invoke(app, [*verify, "--tolerance", "0.065", "--json"])
+    checked = CliRunner().invoke(app, [*verify, "--tolerance", "0.005", "--json"])
     assert checked.exit_code == 0, checked.output
     for verb in (done, checked):
         assert "note: the model does not depend on spool: --at spool changes nothing" in verb.stderr
-    path = json.loads(checked.stdout)
-    assert path["max_error_um_after"] < 5.0 + path["held_back_um"]
-    refused = CliRunner().invoke(app, [*verify, "--tolerance", "0.005"])
-    assert refused.exit_code == 1
-    assert "of this, play holds back up to" in refused.stdout
-    assert "come to that place from the other side" in str(refused.exception)
+    assert json.loads(checked.stdout)["max_error_um_after"] < 5.0
     cold = [*files, str(target), "--at", "temp_bed=reference", "--tolerance", "0.005"]
     assert CliRunner().invoke(app, ["verify", "path", *cold]).exit_code == 1
 

@@ -42,8 +42,8 @@ _AS_COMPENSATE = (
     "others, and no smaller tolerance"
 )
 _HELD_BACK = (
-    "play holds back an axis that rests while its correction moves it back: let the program come to that place from "
-    "the other side, so that the correction goes on in the axis' direction, or ask for no less than the play"
+    "play holds back an axis that its correction moves back, and that is not turned there: correct the program "
+    "again, or let its moves be split (compensate says which stay whole)"
 )
 _BEHIND_HOME = "of the first move behind G28 only the end is corrected"
 
@@ -145,8 +145,8 @@ def _report(result: PathResult, *, is_home_known: bool) -> str:
         lines.append(f"{not_compared} not compared ({begins} not known, or no straight move)")
     if result.held_back_um >= _LEAST_HELD_UM:
         lines.append(
-            f"of this, play holds back up to {result.held_back_um:.3f} µm of an axis that rests while\n"
-            f"  its correction moves it back (line {result.held_back_line})"
+            f"of this, play holds back up to {result.held_back_um:.3f} µm of an axis that its correction\n"
+            f"  moves back (line {result.held_back_line})"
         )
     if result.moves_not_followed:
         lines.append(_not_followed(result))

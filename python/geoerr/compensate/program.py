@@ -321,8 +321,8 @@ def compensate_program(
 
     Direction, travel and speed are those of the move, held while a command is solved. Where a reversal makes the
     command jump by more than half of the tolerance, the move that follows begins with a piece that takes up the jump
-    and extrudes nothing. An axis that rests in the program keeps its last direction, whatever its correction does:
-    where the correction turns back, play may swallow it, at most as far as it turns back.
+    and extrudes nothing. An axis that rests or creeps in the program keeps its last direction until its correction
+    moves it back by more than a part of the tolerance: its play is taken up there in the same way.
     """
     check_model(model, (source, target), "compensate_program(model, source, target)")
     _refuse_same_file(source, target)

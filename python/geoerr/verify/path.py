@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,9 @@ from geoerr.model.called import check_model
 from geoerr.model.conditions import Conditions
 from geoerr.verify.path_machine import ProgramMachine
 from geoerr.verify.path_matching import Run, paired_runs
-from geoerr.verify.path_pieces import Pieces, pieces_of
+from geoerr.verify.path_pieces import Follower, Pieces, pieces_of
 from geoerr.verify.path_tally import Tally
 from geoerr.verify.program_reader import FIRMWARES, UNITS_PER_MM, ProgramReader
-from geoerr.verify.resting import Resting
 
 Numbers = npt.NDArray[np.float64]
 
@@ -38,7 +37,7 @@ class PathResult:
 
     Errors are distances between the actual tool position, by the model, and the intended one at the same share of the
     move; rms figures weigh every millimetre of the path alike. Of the corrected program they count what play holds
-    back of axes that rest while corrections move them.
+    back of axes that corrections turn.
 
     Attributes
     ----------
@@ -49,8 +48,8 @@ class PathResult:
     max_error_line_after
         Line of the corrected program where its largest error is; 0 where nothing was compared.
     held_back_um, held_back_line
-        Largest part of these that play holds back of axes that rest while their corrections move them back, and the
-        line of the corrected program where it is; 0 where there is none.
+        What play adds to these at most, of axes that corrections turn, and the line of the corrected program where
+        that is; 0 where there is none.
     moves_in, moves_out
         Moves (lines that give X, Y or Z to a motion code) of both.
     moves_compared, moves_not_compared
@@ -145,6 +144,15 @@ class _Figures:
         return float(np.sqrt(self.weighted_square / self.weight)) if self.weight > 0.0 else 0.0
 
 
+@dataclass
+class _AllFigures:
+    """Of the program, of the corrected one, and how much larger play that is held back makes its errors."""
+
+    before: _Figures = field(default_factory=_Figures)
+    after: _Figures = field(default_factory=_Figures)
+    held_back: _Figures = field(default_factory=_Figures)
+
+
 def compare_paths(
     model: Model,
     before: str | Path,
@@ -207,35 +215,32 @@ def compare_paths(
     windups = machine.windups if machine.follows_motion else None
     reader_in = ProgramReader(before, *options, windups=windups, ranges_mm=ranges_mm, still=still)
     reader_out = ProgramReader(after, *options, windups=None, ranges_mm=ranges_mm, still=still)
-    in_figures, out_figures, held_back = _Figures(), _Figures(), _Figures()
-    tally, resting = Tally(), Resting()
+    figures, tally = _AllFigures(), Tally()
+    follower = Follower(machine) if machine.follows_motion else None
     for batch in _batches(paired_runs(reader_in, reader_out)):
-        pieces = pieces_of(machine, reader_in.path, reader_out.path, batch, tally, resting)
-        if pieces.held_mm is not None and len(pieces.line):
-            held_mm = np.linalg.norm(pieces.held_mm[:, 1], axis=1)
-            held_back.add(held_mm, np.ones_like(held_mm), pieces.line)
+        pieces = pieces_of(machine, reader_in.path, reader_out.path, batch, tally, follower)
         for part in _parts(pieces, sample_step_mm):
-            samples = _sample(machine, part, sample_step_mm, in_figures, out_figures)
+            samples = _sample(machine, part, sample_step_mm, figures)
             if on_samples is not None:
                 on_samples(samples)
         last_line = batch[-1][0].next_line
         if on_progress is not None and last_line is not None:
             on_progress(last_line.number)
     return PathResult(
-        max_error_um_before=in_figures.largest_mm * 1e3,
-        max_error_um_after=out_figures.largest_mm * 1e3,
-        rms_um_before=in_figures.rms_mm * 1e3,
-        rms_um_after=out_figures.rms_mm * 1e3,
-        max_error_line_after=out_figures.largest_at,
-        held_back_um=held_back.largest_mm * 1e3,
-        held_back_line=held_back.largest_at if held_back.largest_mm > 0.0 else 0,
+        max_error_um_before=figures.before.largest_mm * 1e3,
+        max_error_um_after=figures.after.largest_mm * 1e3,
+        rms_um_before=figures.before.rms_mm * 1e3,
+        rms_um_after=figures.after.rms_mm * 1e3,
+        max_error_line_after=figures.after.largest_at,
+        held_back_um=figures.held_back.largest_mm * 1e3,
+        held_back_line=figures.held_back.largest_at if figures.held_back.largest_mm > 0.0 else 0,
         moves_in=reader_in.n_moves,
         moves_out=reader_out.n_moves,
         moves_compared=tally.n_compared,
         moves_not_compared=reader_in.n_moves - tally.n_compared,
         moves_not_followed=reader_in.n_not_followed,
         not_followed_line=reader_in.first_not_followed,
-        path_mm=in_figures.weight,
+        path_mm=figures.before.weight,
         extrusion_in_mm=reader_in.extrusion / UNITS_PER_MM,
         extrusion_out_mm=reader_out.extrusion / UNITS_PER_MM,
         moves_with_other_extrusion=tally.n_other_extrusion,
@@ -294,9 +299,7 @@ def _intervals(pieces: Pieces, step_mm: float) -> npt.NDArray[np.int64]:
     return np.asarray(np.maximum(4, np.ceil(length_mm / step_mm)), dtype=np.int64)
 
 
-def _sample(
-    machine: ProgramMachine, pieces: Pieces, step_mm: float, in_figures: _Figures, out_figures: _Figures
-) -> PathSamples:
+def _sample(machine: ProgramMachine, pieces: Pieces, step_mm: float, figures: _AllFigures) -> PathSamples:
     """Sample every piece from end to end, evenly; a sample stands for the path half-way to its neighbours.
 
     A piece that the program means to have no length takes up play: its end counts.
@@ -317,9 +320,12 @@ def _sample(
     line = pieces.line[piece]
     before = np.linalg.norm(machine.error_mm(ideal, motion), axis=1)
     off = (command - ideal) + machine.error_mm(command, motion)
-    if pieces.held_mm is not None:
-        off += pieces.held_mm[piece, 0] * (1.0 - share) + pieces.held_mm[piece, 1] * share
     after = np.linalg.norm(off, axis=1)
-    in_figures.add(before, weight, line)
-    out_figures.add(after, weight, line)
+    if pieces.held_mm is not None:
+        as_programmed = after
+        off += pieces.held_mm[piece, 0] * (1.0 - share) + pieces.held_mm[piece, 1] * share
+        after = np.linalg.norm(off, axis=1)
+        figures.held_back.add(after - as_programmed, weight, line)
+    figures.before.add(before, weight, line)
+    figures.after.add(after, weight, line)
     return PathSamples(ideal, before, after, weight)

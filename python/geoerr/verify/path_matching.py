@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -91,7 +91,7 @@ def _remedy(reader_in: ProgramReader) -> str:
     return f"{REMEDY}, and {options} where it was given one" if options else REMEDY
 
 
-def further_pieces(actual_mm: Iterable[Numbers], end_mm: Triple) -> int:
+def further_pieces(actual_mm: Iterable[Sequence[float]] | Numbers, end_mm: Triple) -> int:
     """Give the number of pieces behind the first until the tool reaches the end of the move.
 
     `actual_mm` are the places of the tool, by the model, at the end of that piece and of those behind it, (3,) each.

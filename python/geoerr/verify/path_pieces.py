@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -16,9 +17,9 @@ from geoerr.model.arrays import Triple
 from geoerr.verify.path_machine import ProgramMachine
 from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces
 from geoerr.verify.path_tally import Tally
+from geoerr.verify.play import Play, Sides
 from geoerr.verify.program_motion import Courses
 from geoerr.verify.program_reader import Move
-from geoerr.verify.resting import Resting
 
 Numbers: TypeAlias = npt.NDArray[np.float64]
 _Places: TypeAlias = npt.NDArray[np.int64]
@@ -35,8 +36,8 @@ _FIRST_LOOK = 2
 class Pieces:
     """Straight pieces of the corrected program: commanded and intended ends, lines, motion; all (n, ...).
 
-    Motion (n, 2, m) is that at both ends, and so is what play holds back of axes that rest, (n, 2, 3); None where
-    errors do not depend on it.
+    Motion (n, 2, m) is that at both ends, and so is what play holds back, (n, 2, 3); None where errors do not depend
+    on it.
     """
 
     command_begin_mm: Numbers
@@ -60,13 +61,21 @@ class Pieces:
         )
 
 
+class Follower:
+    """The play of a machine whose errors follow motion, while pieces are matched with their moves and behind that."""
+
+    def __init__(self, machine: ProgramMachine) -> None:
+        self.sides = Sides(machine)
+        self.play = Play(machine)
+
+
 def pieces_of(
     machine: ProgramMachine,
     before: Path,
     after: Path,
     batch: Sequence[tuple[Run, Run]],
     tally: Tally,
-    resting: Resting,
+    follower: Follower | None,
 ) -> Pieces:
     """Match the moves of a batch; give the pieces of those that can be compared.
 
@@ -81,7 +90,8 @@ def pieces_of(
     command_mm, end_mm = _rows([one.end_mm for one in own]), _rows([one.end_mm for one in moves])
     start_mm = _rows([one.start_mm or one.end_mm for one in moves])
     courses = Courses([one.course for one in moves if one.course is not None]) if machine.follows_motion else None
-    counts = np.array(list(_counts(machine, batch, command_mm, courses)), dtype=np.int64)
+    sides = None if follower is None else follower.sides
+    counts = np.array(list(_counts(machine, batch, command_mm, courses, sides)), dtype=np.int64)
     _refuse_unclear_extrusion(before, [number for run_in, _ in batch for number in run_in.numbers], moves, counts)
     of, first = np.repeat(np.arange(len(moves)), counts), np.cumsum(counts) - counts
     shares = _shares(machine, courses, of, first, command_mm, start_mm, end_mm)
@@ -101,7 +111,8 @@ def pieces_of(
     motion = held_mm = None
     if courses is not None:
         motion = np.stack([courses.motion_at(of, begun), courses.motion_at(of, shares)], axis=1)
-        held_mm = resting.held_mm(machine, command_mm, motion[:, 1], courses.moves(of))
+        if follower is not None:
+            held_mm = follower.play.held_mm(command_mm, motion[:, 1].copy(), courses.moves(of))
     pieces = Pieces(
         begin_mm,
         command_mm,
@@ -115,12 +126,18 @@ def pieces_of(
 
 
 def _counts(
-    machine: ProgramMachine, batch: Sequence[tuple[Run, Run]], command_mm: Numbers, courses: Courses | None
+    machine: ProgramMachine,
+    batch: Sequence[tuple[Run, Run]],
+    command_mm: Numbers,
+    courses: Courses | None,
+    sides: Sides | None,
 ) -> Iterator[int]:
     """Give the number of pieces of each move of a batch."""
     actual_mm = command_mm
     if courses is None:
         actual_mm = command_mm + machine.error_mm(command_mm, None)
+    if sides is not None:
+        sides.begin(command_mm)
     at = number = 0
     for run_in, run_out in batch:
         slack, last = len(run_out.moves) - len(run_in.moves), number + len(run_in.moves) - 1
@@ -130,22 +147,40 @@ def _counts(
                 count += slack
             elif slack and move.start_mm is not None:
                 some = actual_mm[at : at + slack + 1]
-                places = some if courses is None else _places_in_turn(machine, some, courses, number)
+                places: Iterable[Sequence[float]] = some
+                if courses is not None:
+                    places = _places_in_turn(machine, some, courses, number)
+                    if sides is not None:
+                        elsewhere_mm = sides.elsewhere_mm(at, courses.direction_of(number))
+                        places = (
+                            _nearest(place, ways, move.end_mm)
+                            for place, ways in zip(places, elsewhere_mm, strict=False)
+                        )
                 count += further_pieces(places, move.end_mm)
             yield count
+            if sides is not None and courses is not None:
+                sides.take(range(at, at + count), courses.direction_of(number))
             slack -= count - 1
             at += count
             number += 1
 
 
-def _places_in_turn(machine: ProgramMachine, commands_mm: Numbers, courses: Courses, move: int) -> Iterator[Numbers]:
+def _places_in_turn(
+    machine: ProgramMachine, commands_mm: Numbers, courses: Courses, move: int
+) -> Iterator[list[float]]:
     """Give where the tool is at commands that may end a move, a few worked out at a time: many are seldom wanted."""
     motion = courses.motion_at(np.array([move]), np.ones(1))
     begin, n = 0, _FIRST_LOOK
     while begin < len(commands_mm):
         some = commands_mm[begin : begin + n]
-        yield from some + machine.error_mm(some, motion)
+        yield from (some + machine.error_mm(some, motion)).tolist()
         begin, n = begin + n, 4 * n
+
+
+def _nearest(place_mm: Sequence[float], ways_mm: Sequence[Sequence[float]], end_mm: Triple) -> list[float]:
+    """Give a place displaced in the way that has it nearest to the end."""
+    ways = ([at + off for at, off in zip(place_mm, way, strict=True)] for way in ways_mm)
+    return min(ways, key=lambda way: math.dist(way, end_mm))
 
 
 def _shares(
@@ -174,10 +209,15 @@ def _shares(
         inner = np.clip(np.einsum("nc,nc->n", actual_mm - begin_mm, along_mm) * per_mm2, 0.0, 1.0)
     shares[is_inner] = inner
     if courses is not None:
-        # A first piece that goes nowhere takes up play at the begin of the move.
-        is_short = np.zeros(len(of), dtype=bool)
-        is_short[is_inner] = np.sqrt(length2) * inner < END_MM
-        shares[first[is_short[first]]] = 0.0
+        # A piece that goes nowhere takes up play.
+        length_mm = np.zeros(len(of))
+        length_mm[is_inner] = np.sqrt(length2)
+        told, firsts = shares.tolist(), frozenset(first.tolist())
+        for piece in np.flatnonzero(is_inner).tolist():
+            begun = 0.0 if piece in firsts else told[piece - 1]
+            if (told[piece] - begun) * length_mm[piece] < END_MM:
+                told[piece] = begun
+        shares = np.array(told)
     return shares
 
 

@@ -111,6 +111,8 @@ pub struct Block {
     pub ways: Vec<Way>,
     /// Pieces of moves that have several: those of each [task](MOVES_PER_TASK), one move's behind another's.
     pub pieces: Vec<Vec<Node>>,
+    /// Which moves a correction turns an axis in, increasing.
+    pub turns: Vec<usize>,
     /// What ended the reading behind these lines.
     pub refusal: Option<GcodeError>,
 }
@@ -149,6 +151,16 @@ impl Block {
             solved: solved.as_ref(),
             way,
         })
+    }
+
+    /// Where one of its moves ends.
+    pub fn end_of_move(&self, index: usize) -> EndOfMove<'_> {
+        EndOfMove {
+            index,
+            target: &self.targets[index],
+            solved: self.ends[index].as_ref(),
+            way: self.ways[index],
+        }
     }
 
     /// The nodes that a move is commanded by.

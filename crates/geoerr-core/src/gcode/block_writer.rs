@@ -8,7 +8,6 @@ use super::options::{OnUnsupported, Options};
 use super::path::{Closeness, Node, SplitError};
 use super::reader::{AXIS_LETTERS, Move, Target};
 use super::report::{Summary, WarningKind, Warnings, excerpt};
-use super::resting::Resting;
 use super::unsupported::Unsupported;
 use super::usual::{Run, UsualMove};
 use super::words::said_for_the_end;
@@ -32,9 +31,6 @@ pub struct BlockWriter {
     /// Where commands may go, (low, high), by words in millimetres and in inches.
     reach_mm: [[(f64, f64); 3]; 2],
     is_marked: bool,
-    /// Axes whose direction the machine's errors follow.
-    has_direction: [bool; 3],
-    resting: Resting,
     usual_ending: Vec<u8>,
     /// Square of the largest correction.
     largest_mm2: f64,
@@ -45,8 +41,8 @@ pub struct BlockWriter {
 }
 
 impl BlockWriter {
-    /// At the begin of a program, for a machine whose errors follow the directions of these axes.
-    pub fn new(options: &Options, has_direction: [bool; 3]) -> Self {
+    /// At the begin of a program.
+    pub fn new(options: &Options) -> Self {
         let reach = |is_inch| {
             // What is printed as the end of the range is in it.
             let slack_mm = options.half_step_mm(is_inch);
@@ -57,8 +53,6 @@ impl BlockWriter {
             draft: Draft::default(),
             reach_mm: [reach(false), reach(true)],
             is_marked: false,
-            has_direction,
-            resting: Resting::default(),
             usual_ending: b"\n".to_vec(),
             largest_mm2: 0.0,
             warnings: Warnings::default(),
@@ -96,6 +90,7 @@ impl BlockWriter {
             (block.effects.iter(), block.moves.iter(), block.runs.iter());
         let mut usual_moves = block.usual.iter();
         let mut ends = block.ends_of_moves();
+        let mut turns = block.turns.iter().peekable();
         // Words in millimetres, and in inches.
         let has_too_few_digits =
             closeness.map(|closeness| !is_nominal && closeness.limit_mm < 0.5 * options.tolerance_mm);
@@ -116,9 +111,7 @@ impl BlockWriter {
                         return Err(too_few_digits(line, end.target.is_inch, options));
                     }
                     let nodes = block.nodes_of(&end).map_err(|error| refused(error, line, body))?;
-                    if let Some(course) = block.courses.get(end.index)
-                        && self.resting.is_turned(course, nodes, self.has_direction, options.tolerance_mm)
-                    {
+                    if turns.next_if(|&&index| index == end.index).is_some() {
                         self.warnings.add(WarningKind::TurnedAtRest, line, body);
                     }
                     let source = SourceLine {

@@ -1,6 +1,7 @@
 //! How the axes of a program come to each place: direction, travel since the reversal, speed.
 //!
-//! The program's own moves count, not what a correction adds to them: an axis that rests keeps its last direction. Before
+//! The program's own moves count, not what a correction adds to them: an axis that rests keeps its last direction, until
+//! its correction turns it ([`Turns`](super::turns::Turns)). Before
 //! an axis first moves from a known place, and after homing or a line after which it may be anywhere, its direction is
 //! not known and counts as 0, so that whatever is proportional to it is left out. Travel counts from the first known motion.
 //! With that motion wind-up begins settled, as in a sequence of measured rows: the axis comes from far in its direction.
@@ -29,6 +30,17 @@ impl Course {
     pub fn at(&self, share: f64) -> Approach {
         let travel_mm = std::array::from_fn(|axis| self.begin.travel_mm[axis] + share * self.travel_mm[axis]);
         Approach { travel_mm, ..self.begin }
+    }
+
+    /// From one share of the move to another, by axes of these directions: those that differ have been turned.
+    pub fn stretch(&self, from: f64, to: f64, direction: &[f64; 3], windups: &[Windup]) -> Self {
+        let mut begin = self.at(from);
+        for (axis, direction) in direction.iter().enumerate() {
+            if *direction != begin.direction[axis] {
+                begin = begin.turned(axis, windups);
+            }
+        }
+        Self { begin, travel_mm: self.travel_mm.map(|travel| (to - from) * travel) }
     }
 }
 
@@ -147,6 +159,29 @@ mod tests {
         // What has moved in a way that is not known begins settled again; y never moved.
         past.forget([true, false, false]);
         assert_eq!(past.straight(&at(-8.5), &at(-8.0), 0.0).begin.left_unwound[..2], [1.0, 0.0]);
+    }
+
+    #[test]
+    fn what_is_wound_up_stays_where_a_correction_turns_an_axis() {
+        let windups = [Windup { axis: 0, length_mm: 4.0 }, Windup { axis: 1, length_mm: 1.0 }];
+        let begin = Approach {
+            direction: [1.0, -1.0, 1.0],
+            travel_mm: [2.0, 3.0, 0.0],
+            left_unwound: [0.3, 0.6, 0.0, 0.0, 0.0, 0.0],
+            ..Approach::default()
+        };
+        let course = Course { begin, travel_mm: [5.0, 0.0, 0.0] };
+        let wound = |at: &Approach| {
+            let (d, s, g) = (at.direction[0], at.travel_mm[0], at.left_unwound[0]);
+            -0.5 * d + d * (1.0 - g) * (-s / 4.0).exp()
+        };
+        let stretch = course.stretch(0.2, 0.6, &[-1.0, -1.0, 1.0], &windups);
+        assert_eq!(stretch.begin.direction, [-1.0, -1.0, 1.0]);
+        assert_eq!(stretch.begin.travel_mm, [0.0, 3.0, 0.0]);
+        assert!((wound(&stretch.begin) - wound(&course.at(0.2))).abs() < 1e-15);
+        assert!((stretch.travel_mm[0] - 2.0).abs() < 1e-15);
+        assert_eq!(stretch.begin.left_unwound[1], 0.6);
+        assert_eq!(course.stretch(0.0, 1.0, &begin.direction, &windups), course);
     }
 
     #[test]

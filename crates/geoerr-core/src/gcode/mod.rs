@@ -20,7 +20,8 @@
 //! program's own moves, speeds from its feed at full speed (ramps are not known). These are held while a command is solved.
 //! At a reversal backlash makes the command jump: the jump belongs to the move that follows, which begins with a piece
 //! that takes up the play at its begin and extrudes nothing. A jump below half of the tolerance is taken up along the
-//! move instead, within the tolerance; so a path of many short moves at changing speeds is not doubled.
+//! move instead, within the tolerance; so a path of many short moves at changing speeds is not doubled. An axis that the
+//! program leaves at rest may be turned by its correction: its play is taken up in the same way (`turns`).
 
 mod block;
 mod block_writer;
@@ -43,12 +44,12 @@ pub mod path;
 mod plain;
 mod reader;
 mod report;
-mod resting;
 mod rewriter;
 mod shares;
 mod solver;
 mod still;
 mod term_path;
+mod turns;
 mod unsupported;
 mod usual;
 mod wording;

@@ -33,7 +33,7 @@ pub enum WarningKind {
     OtherTool,
     /// An axis of which it is not known from where it came.
     DirectionUnknown,
-    /// A correction moves an axis back that rests in the program.
+    /// A correction turns an axis that the program does not.
     TurnedAtRest,
     /// Speeds are those of the feed, without ramps.
     SpeedFromFeed,
@@ -90,7 +90,7 @@ impl WarningKind {
             Self::NotSplit(what) => format!("{what}: it stays whole, corrected at its end alone; {}", what.remedy()),
             Self::ExtrusionUnclear => "firmwares read its E differently, as a position or as an increment: the extruded lengths are those of Marlin's reading; --firmware says whose they are to be".to_owned(),
             Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
-            Self::TurnedAtRest => "an axis rests in the program, and its correction moves it back from where it came by more than the tolerance: if that is more than its play, it lies on the other side of it then, and is off by up to the play".to_owned(),
+            Self::TurnedAtRest => "an axis rests or creeps in the program, and its correction moves it back from where it came: its play is taken up there, by a piece that moves that axis alone".to_owned(),
             Self::SpeedFromFeed => "errors that depend on speed are corrected for the feed as programmed: near corners, where the machine brakes, they are smaller (v_x=0, v_y=0, v_z=0 as conditions leave out what follows a speed)".to_owned(),
             Self::SpeedUnknown => "the speed of this move is not known (no feed yet, a feed per turn, or a rapid whose speed only the controller knows; --firmware says that G0 takes the feed): what depends on it is taken as at rest, a curve at the lowest speed that it was made of".to_owned(),
             Self::NumberWithoutPoint => "a number without a point is read in whole units, X200 as 200 mm; a control that is not set to calculator-type input reads smallest steps, 0.2 mm: let the CAM write points".to_owned(),

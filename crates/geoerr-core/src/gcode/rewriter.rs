@@ -60,7 +60,7 @@ impl<M: PathMap + Send> Rewriter<M> {
         Ok(Self {
             reader: BlockReader::new(options.clone(), &map),
             solver: Solver::new(&map, &options),
-            writer: BlockWriter::new(&options, map.needs().direction),
+            writer: BlockWriter::new(&options),
             map,
             options,
             lines: Lines::default(),

@@ -2,12 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::block::{Block, MOVES_PER_TASK, Way};
+use super::block::{Block, EndOfMove, MOVES_PER_TASK, Way};
 use super::course::Course;
 use super::grid::{Grid, Gridded, Near, Solved, Walk};
 use super::options::Options;
 use super::path::{Closeness, Node, PathMap, SplitError, split};
 use super::reader::Target;
+use super::turns::{Turned, Turns};
 use crate::arithmetic::{Arithmetic, Kernel, run_widest};
 
 /// Share of the tolerance that is left to what the bound of [`split`] does not cover (terms beyond the quadratic, the
@@ -81,7 +82,11 @@ pub struct Solver {
     /// For words in millimetres and in inches.
     closeness: [Closeness; 2],
     newton_mm: f64,
+    /// Where the last move ended, by the program's directions.
     last: Option<Solved>,
+    turns: Turns,
+    /// Where it ended by those that corrections have turned.
+    last_turned: Option<Solved>,
 }
 
 impl Solver {
@@ -90,7 +95,8 @@ impl Solver {
         let newton_mm = NEWTON_MM.min(1e-3 * options.tolerance_mm);
         let closeness = [false, true].map(|is_inch| closeness(options, newton_mm, is_inch));
         let grid = Grid::new(map, &options.range_mm, newton_mm);
-        Self { grid, closeness, newton_mm, last: None }
+        let turns = Turns::new(map.needs().direction);
+        Self { grid, closeness, newton_mm, last: None, turns, last_turned: None }
     }
 
     /// How closely moves are followed: with words in millimetres, and in inches.
@@ -128,6 +134,107 @@ impl Solver {
         if let Some(end) = block.ends.last() {
             self.last = *end;
         }
+        block.turns.clear();
+        if self.turns.any() {
+            self.take_up_play(block, map);
+        }
+    }
+
+    /// Solves moves of a block again in which corrections have turned axes, or that come to such.
+    fn take_up_play(&mut self, block: &mut Block, map: &impl PathMap) {
+        let mut found = Vec::new();
+        for end in block.ends_of_moves() {
+            // Behind what is refused nothing is written.
+            let (Ok(nodes), Some(course)) = (block.nodes_of(&end), block.courses.get(end.index)) else {
+                continue;
+            };
+            let limit_mm = self.closeness[usize::from(end.target.is_inch)].limit_mm;
+            if let Some(turned) = self.turns.follow(map, course, nodes, end.target.is_first, limit_mm) {
+                found.push((end.index, turned));
+            }
+        }
+        block.turns.extend(found.iter().filter(|(_, turned)| turned.is_turn).map(|(index, _)| *index));
+        let ends: Vec<Result<Solved, f64>> = found
+            .par_iter()
+            .map(|(index, turned)| {
+                let course = turned.last_stretch(&block.courses[*index], map.windups());
+                self.end_by_newton(map, &block.targets[*index], Some(&course))
+            })
+            .collect();
+        for ((index, _), end) in found.iter().zip(ends) {
+            match end {
+                Ok(end) => block.ends[*index] = Some(end),
+                Err(remaining_mm) => block.ways[*index] = Way::Refused(SplitError::NotSolved(remaining_mm)),
+            }
+        }
+        let so_far = &*block;
+        let ways: Vec<Result<Vec<Node>, SplitError>> = found
+            .par_iter()
+            .map(|(index, turned)| {
+                let begin = match index.checked_sub(1) {
+                    Some(before) => so_far.ends[before].as_ref(),
+                    None => self.last_turned.as_ref(),
+                };
+                self.turned_nodes(map, so_far, &so_far.end_of_move(*index), turned, begin)
+            })
+            .collect();
+        for ((index, _), way) in found.iter().zip(ways) {
+            block.ways[*index] = match way {
+                Ok(nodes) if nodes.len() == 1 => Way::Whole,
+                Ok(nodes) => added(&mut block.pieces[index / MOVES_PER_TASK], &nodes),
+                Err(error) => Way::Refused(error),
+            };
+        }
+        if let Some(end) = block.ends.last() {
+            self.last_turned = *end;
+        }
+    }
+
+    /// The nodes of a move for the directions of its stretches: those that it had, and more where these ask for them.
+    fn turned_nodes(
+        &self,
+        map: &impl PathMap,
+        block: &Block,
+        end: &EndOfMove<'_>,
+        turned: &Turned,
+        begin: Option<&Solved>,
+    ) -> Result<Vec<Node>, SplitError> {
+        let nodes = block.nodes_of(end)?;
+        let Some(solved) = end.solved else { return Err(SplitError::NotSolved(f64::NAN)) };
+        // As of any move, there is no path to keep from a place that no corrected move has reached.
+        let Some(begin) = begin.filter(|_| !end.target.is_first) else { return Ok(vec![solved.node]) };
+        let course = &block.courses[end.index];
+        let closeness = self.closeness_of(end.target, Some(course));
+        let (mut again, mut crossings) = (Vec::new(), Vec::new());
+        let mut from = Node { share: 0.0, ..begin.node };
+        for node in nodes.iter().filter(|node| node.share > 0.0) {
+            let piece = turned.stretch(course, from.share, node.share, map.windups());
+            let command_mm = if node.share == 1.0 {
+                solved.node.command_mm
+            } else {
+                map.command_for(&node.ideal_mm, &piece.at(1.0), self.newton_mm)
+                    .map_err(SplitError::NotSolved)?
+            };
+            let to = Node { command_mm, ..*node };
+            // Shares of a piece are those of its own course.
+            let ends = [Node { share: 0.0, ..from }, Node { share: 1.0, ..to }];
+            let found = split(map, &piece, &ends[0], &ends[1], &closeness, &mut crossings)?;
+            let inner = found.as_deref().unwrap_or_default().split_last().map_or(&[][..], |(_, inner)| inner);
+            let share_of = |share: f64| from.share + share * (to.share - from.share);
+            again.extend(inner.iter().map(|inner| Node { share: share_of(inner.share), ..*inner }));
+            again.push(to);
+            from = to;
+        }
+        Ok(again)
+    }
+
+    /// How closely a move is followed: where an axis may be turned, play is left a part of that.
+    fn closeness_of(&self, target: &Target, course: Option<&Course>) -> Closeness {
+        let mut closeness = self.closeness[usize::from(target.is_inch)];
+        if let Some(course) = course {
+            closeness.limit_mm *= self.turns.share_of_path(course);
+        }
+        closeness
     }
 
     /// The end of a move; else the distance that the best command leaves.
@@ -174,9 +281,10 @@ impl Solver {
             }
         }
         let begin = Node { share: 0.0, ..begin.node };
+        let closeness = self.closeness_of(target, course);
         let map = Gridded { map, grid: self.grid.as_ref() };
         let course = course.copied().unwrap_or_default();
-        match split(&map, &course, &begin, &end.node, closeness, &mut memory.crossings) {
+        match split(&map, &course, &begin, &end.node, &closeness, &mut memory.crossings) {
             Ok(found) => found.map(|found| added(memory.pieces, &found)),
             Err(error) => Some(Way::Refused(error)),
         }

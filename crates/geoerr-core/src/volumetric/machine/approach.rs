@@ -26,6 +26,22 @@ pub struct Approach {
     pub left_unwound: [f64; MAX_WINDUPS],
 }
 
+impl Approach {
+    /// The same place, where a way too short to wind anything up has turned an axis: its travel begins anew, and what was
+    /// wound up stays.
+    #[must_use]
+    pub fn turned(mut self, axis: usize, windups: &[Windup]) -> Self {
+        for (windup, left) in windups.iter().zip(&mut self.left_unwound) {
+            if windup.axis == axis {
+                *left = windup.left_by(self.travel_mm[axis], *left);
+            }
+        }
+        self.direction[axis] = -self.direction[axis];
+        self.travel_mm[axis] = 0.0;
+        self
+    }
+}
+
 /// Most wind-ups of one machine that are followed from stroke to stroke.
 pub const MAX_WINDUPS: usize = 6;
 

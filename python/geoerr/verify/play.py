@@ -1,0 +1,174 @@
+"""Play followed command by command: what it holds back of the axes of a corrected program.
+
+A model has an error of direction as of the program's own moves. The machine has it as of its commands: where these
+take an axis back from where it came, by r, it follows by what is more than its play b, and min(r, b) is held back;
+where they come again, it is given back. So a correction that turns an axis which rests in the program shows, and
+whether its play is taken up there.
+
+Verified in tests/compensate/test_term_programs.py against carriages that follow their drives across the play.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from geoerr.verify.path_machine import ProgramMachine
+
+Numbers = npt.NDArray[np.float64]
+
+# Columns of the core's motion: of x y z each, and of the wind-ups.
+_DIRECTION, _TRAVEL_MM, _WINDUPS = 0, 3, 10
+# Play is crossed where less of it is left than printed digits may leave.
+_ON_A_SIDE_MM = 1e-3
+
+
+class AxisPlay:
+    """How far one axis stands in its play."""
+
+    def __init__(self) -> None:
+        self._direction = 0.0
+        self._at_mm = 0.0
+        self.held_mm = 0.0
+
+    def take(self, command_mm: float, direction: float, play_mm: float) -> float:
+        """Take over a piece by its end, and the direction of its move; give what was held back at its begin.
+
+        What is held back counts against the direction of the move: an axis that the program turns begins with what is
+        left of its play.
+        """
+        held_mm = self.held_mm
+        if direction != self._direction:
+            # Of the first direction that is known nothing says that play was ever on the other side.
+            held_mm = max(play_mm - held_mm, 0.0) if self._direction else 0.0
+        gone_mm = direction * (command_mm - self._at_mm)
+        self.held_mm = min(max(held_mm - gone_mm, 0.0), play_mm) if direction else 0.0
+        self._direction, self._at_mm = direction, command_mm
+        return held_mm
+
+    def copy(self) -> AxisPlay:
+        """Give one that goes on by itself."""
+        other = AxisPlay()
+        other._direction, other._at_mm, other.held_mm = self._direction, self._at_mm, self.held_mm
+        return other
+
+
+class Play:
+    """What play holds back, as a program goes on.
+
+    Parameters
+    ----------
+    machine
+        Whose errors follow motion.
+    """
+
+    def __init__(self, machine: ProgramMachine) -> None:
+        self._machine = machine
+        self._windups: Sequence[tuple[int, float]] = machine.windups
+        self._axes = [AxisPlay() for _ in range(3)]
+
+    def held_mm(self, command_mm: Numbers, motion: Numbers, moves: npt.NDArray[np.bool_]) -> Numbers:
+        """Give what is held back at both ends of pieces, (n, 2, 3), added to where the model has the tool.
+
+        Parameters
+        ----------
+        command_mm : (n, 3)
+            Where the pieces end.
+        motion : (n, m)
+            That of their moves there.
+        moves : (n, 3)
+            Which axes their moves move.
+        """
+        held_mm = np.zeros((len(command_mm), 2, 3))
+        error_mm = self._machine.error_mm(command_mm, motion)
+        for axis, state in enumerate(self._axes):
+            turned_mm = self._machine.error_mm(command_mm, self._turned(motion, axis)) - error_mm
+            direction = motion[:, _DIRECTION + axis]
+            play_mm = np.maximum(direction * turned_mm[:, axis], 0.0)
+            share = np.zeros((len(command_mm), 2))
+            told = zip(command_mm[:, axis].tolist(), direction.tolist(), play_mm.tolist(), strict=True)
+            for piece, (at_mm, way, play) in enumerate(told):
+                begun_mm = state.take(at_mm, way, play)
+                if play > 0.0:
+                    share[piece] = min(begun_mm / play, 1.0), state.held_mm / play
+            # Play that a move of the program crosses at its begin is an error from its begin on.
+            share[moves[:, axis] & (share[:, 1] == 0.0), 0] = 0.0
+            held_mm += share[:, :, None] * turned_mm[:, None, :]
+        return held_mm
+
+    def _turned(self, motion: Numbers, axis: int) -> Numbers:
+        """Give motion, (n, m), of an axis that a way too short to wind anything up has turned."""
+        turned = motion.copy()
+        travel_mm = motion[:, _TRAVEL_MM + axis]
+        for number, (of, length_mm) in enumerate(self._windups):
+            if of == axis:
+                left = _WINDUPS + number
+                decay = np.exp(-travel_mm / length_mm) if length_mm > 0.0 else np.zeros_like(travel_mm)
+                turned[:, left] = (1.0 - motion[:, left]) * decay
+        turned[:, _DIRECTION + axis] *= -1.0
+        turned[:, _TRAVEL_MM + axis] = 0.0
+        return turned
+
+
+class Sides:
+    """On which sides of their play axes are, while nobody knows yet which move a command belongs to.
+
+    Parameters
+    ----------
+    machine
+        Whose errors follow motion.
+    """
+
+    def __init__(self, machine: ProgramMachine) -> None:
+        self._machine = machine
+        self._axes = [AxisPlay() for _ in range(3)]
+        self._command_mm: list[list[float]] = []
+        # What the tool is elsewhere on the other side, by axis that has play.
+        self._across_mm: dict[int, list[list[float]]] = {}
+
+    def begin(self, command_mm: Numbers) -> None:
+        """Take over the commands, (n, 3), that come next."""
+        self._command_mm = command_mm.tolist()
+        self._across_mm = {}
+        still = np.zeros((len(command_mm), _WINDUPS + len(self._machine.windups)))
+        # Half unwound, a wind-up has the same value on both sides.
+        still[:, _WINDUPS:] = 0.5
+        for axis in range(3):
+            sides_mm = []
+            for direction in (-1.0, 1.0):
+                still[:, _DIRECTION + axis] = direction
+                sides_mm.append(self._machine.error_mm(command_mm, still))
+            still[:, _DIRECTION + axis] = 0.0
+            across_mm = sides_mm[0] - sides_mm[1]
+            if (across_mm[:, axis] > 0.0).any():
+                self._across_mm[axis] = across_mm.tolist()
+
+    def elsewhere_mm(self, first: int, direction: Sequence[float]) -> Iterator[list[list[float]]]:
+        """Give what the tool may be elsewhere than the model has it, which knows the move's direction alone.
+
+        For each command from `first` on, if it were of that move, the possible displacements, (3,) each: what is held
+        back between both sides was meant for one of them.
+        """
+        axes = [axis.copy() for axis in self._axes]
+        for command in range(first, len(self._command_mm)):
+            self._step(axes, command, direction)
+            ways = [[0.0, 0.0, 0.0]]
+            for axis, across in self._across_mm.items():
+                play_mm, held_mm = across[command][axis], axes[axis].held_mm
+                if held_mm > _ON_A_SIDE_MM:
+                    other_mm = [direction[axis] * one for one in across[command]]
+                    others = [[a + b for a, b in zip(way, other_mm, strict=True)] for way in ways]
+                    ways = others if held_mm > play_mm - _ON_A_SIDE_MM else ways + others
+            yield ways
+
+    def take(self, commands: range, direction: Sequence[float]) -> None:
+        """Take over commands that are of a move in this direction."""
+        for command in commands:
+            self._step(self._axes, command, direction)
+
+    def _step(self, axes: Sequence[AxisPlay], command: int, direction: Sequence[float]) -> None:
+        for axis, across in self._across_mm.items():
+            play_mm = max(across[command][axis], 0.0)
+            axes[axis].take(self._command_mm[command][axis], direction[axis], play_mm)
