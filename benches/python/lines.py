@@ -16,7 +16,8 @@ Array = npt.NDArray[np.float64]
 Lines = tuple[Array, Array, Array]
 
 MAIN_SIZE, POINTS_OF_A_LINE = 10_000, 50
-OURS = "geoerr, with covariances"
+OURS = "geoerr"
+OURS_CERTAIN = "geoerr, with covariances"
 OURS_ALONG = "geoerr, with covariances and distances along"
 AIM_NS = 2.0
 IN_THE_WAY = (
@@ -58,9 +59,9 @@ def by_eigenvectors(p: Array) -> Lines:
     return centroid, direction, rms(d, direction)
 
 
-def ours(p: Array, starts: npt.NDArray[np.int64], *, along: bool) -> Lines:
-    """Call geoerr; for what its peers give, or with the distances along."""
-    found = fit_lines(p.reshape(-1, 3), starts, along=along)
+def ours(p: Array, starts: npt.NDArray[np.int64], *, along: bool = False, direction_covariance: bool = False) -> Lines:
+    """Call geoerr for what its peers give, and for more."""
+    found = fit_lines(p.reshape(-1, 3), starts, along=along, direction_covariance=direction_covariance)
     return found.centroid_mm, found.direction, found.rms_mm
 
 
@@ -85,8 +86,9 @@ def measure(sizes: tuple[int, ...], seconds: float) -> tuple[str, Costs, list[Re
         p = points(n_lines)
         starts = np.arange(n_lines) * POINTS_OF_A_LINE
         paths: dict[str, Callable[[], object]] = {
-            OURS: partial(ours, p, starts, along=False),
-            OURS_ALONG: partial(ours, p, starts, along=True),
+            OURS: partial(ours, p, starts),
+            OURS_CERTAIN: partial(ours, p, starts, direction_covariance=True),
+            OURS_ALONG: partial(ours, p, starts, along=True, direction_covariance=True),
             "NumPy, batched SVD": partial(by_svd, p),
             "NumPy, batched scatter and eigenvectors": partial(by_eigenvectors, p),
             "limit: points summed": p.sum,

@@ -347,6 +347,7 @@ def fit_lines(
     starts: npt.NDArray[np.int64],
     covariance_mm2: npt.NDArray[np.float64] | None,
     along: bool,
+    direction_covariance: bool,
     threads: int,
 ) -> tuple[
     npt.NDArray[np.float64],

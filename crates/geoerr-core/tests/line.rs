@@ -1,6 +1,6 @@
 //! Total-least-squares lines against 50-digit references, against SVD, and by their invariances.
 
-use geoerr_core::line::{FittedLines, LineError, PointNoise, Status, fit_lines, fit_lines_alone};
+use geoerr_core::line::{Asked, FittedLines, LineError, PointNoise, Status, fit_lines, fit_lines_for};
 use nalgebra::{Matrix3, MatrixXx3, Rotation3, Vector3};
 use proptest::prelude::*;
 
@@ -247,10 +247,17 @@ proptest! {
         prop_assert_eq!(&many.status, &each.status);
         prop_assert_eq!(many.along_mm.len(), points.len());
         for (noise, whole) in [(PointNoise::FromResiduals, &many), (PointNoise::Covariances(&unit), &each)] {
-            let without = fit_lines_alone(&points, &starts, noise).unwrap();
-            prop_assert!(without.along_mm.is_empty());
-            prop_assert_eq!(&without.status, &whole.status);
-            prop_assert_eq!(bits(&without), bits(whole));
+            for (along, direction_covariance) in [(false, true), (true, false), (false, false)] {
+                let asked = Asked { along, direction_covariance };
+                let mut part = fit_lines_for(asked, &points, &starts, noise).unwrap();
+                prop_assert_eq!(part.along_mm.len(), if along { points.len() } else { 0 });
+                prop_assert_eq!(part.direction_covariance.len(), if direction_covariance { starts.len() } else { 0 });
+                if !direction_covariance {
+                    part.direction_covariance.clone_from(&whole.direction_covariance);
+                }
+                prop_assert_eq!(&part.status, &whole.status);
+                prop_assert_eq!(bits(&part), bits(whole));
+            }
         }
         for (i, line) in lines.iter().enumerate().filter(|(i, _)| many.status[*i] == Status::Ok) {
             let alone = fit_one(line);

@@ -1,6 +1,6 @@
 //! Binds `geoerr_core::line`.
 
-use geoerr_core::line::{FittedLines, PointNoise, fit_lines, fit_lines_alone};
+use geoerr_core::line::{Asked, FittedLines, PointNoise, fit_lines_for};
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
@@ -8,7 +8,7 @@ use crate::arrays::{from_matrices, from_numbers, from_rows, matrices, rows};
 use crate::core_door::enter_core;
 use crate::errors::CoreError;
 
-/// Centroids (m, 3), directions (m, 3), rms (m,), direction covariances (m, 3, 3), distances along (n,) or (0,), status (m,).
+/// Centroids (m, 3), directions (m, 3), rms (m,), direction covariances (m, 3, 3) or (0, 3, 3), distances along (n,) or (0,), status (m,).
 type LineArrays<'py> = (
     Bound<'py, PyArray2<f64>>,
     Bound<'py, PyArray2<f64>>,
@@ -27,6 +27,7 @@ fn py_fit_lines<'py>(
     starts: PyReadonlyArray1<'py, i64>,
     covariance_mm2: Option<PyReadonlyArray3<'py, f64>>,
     along: bool,
+    direction_covariance: bool,
     threads: usize,
 ) -> PyResult<LineArrays<'py>> {
     let points_mm = rows(&points_mm, "points_mm")?;
@@ -35,11 +36,9 @@ fn py_fit_lines<'py>(
         Some(array) => PointNoise::Covariances(matrices(array, "covariance_mm2")?),
         None => PointNoise::FromResiduals,
     };
+    let asked = Asked { along, direction_covariance };
     let FittedLines { centroid_mm, direction, rms_mm, direction_covariance, along_mm, status } =
-        enter_core(py, threads, || {
-            let fit = if along { fit_lines } else { fit_lines_alone };
-            fit(points_mm, &starts, noise)
-        })?;
+        enter_core(py, threads, || fit_lines_for(asked, points_mm, &starts, noise))?;
     let status = status.into_iter().map(|status| status as u8).collect();
     Ok((
         from_rows(py, centroid_mm)?,

@@ -70,6 +70,7 @@ pub(super) struct Found {
     pub centroid_mm: [f64; 3],
     pub direction: [f64; 3],
     pub rms_mm: f64,
+    /// Zero where it was not wanted.
     pub direction_covariance: [[f64; 3]; 3],
 }
 
@@ -85,24 +86,25 @@ impl Clouds {
     }
 }
 
-/// Fits up to [`GROUP`] lines; their distances along go into `along_mm`, one line after another, if there is room for any.
+/// Fits up to [`GROUP`] lines, with covariances or without; their distances along go into `along_mm`, one line after
+/// another, if there is room for any.
 ///
 /// None where the careful path has to answer.
-pub(super) fn fit_group(
+pub(super) fn fit_group<const WITH_COVARIANCE: bool>(
     lines: &[&[[f64; 3]]],
     clouds: &mut Clouds,
     along_mm: &mut [f64],
 ) -> [Option<Found>; GROUP] {
-    Arch::new().dispatch(Group { lines, clouds, along_mm })
+    Arch::new().dispatch(Group::<WITH_COVARIANCE> { lines, clouds, along_mm })
 }
 
-struct Group<'a> {
+struct Group<'a, const WITH_COVARIANCE: bool> {
     lines: &'a [&'a [[f64; 3]]],
     clouds: &'a mut Clouds,
     along_mm: &'a mut [f64],
 }
 
-impl WithSimd for Group<'_> {
+impl<const WITH_COVARIANCE: bool> WithSimd for Group<'_, WITH_COVARIANCE> {
     type Output = [Option<Found>; GROUP];
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
@@ -110,7 +112,7 @@ impl WithSimd for Group<'_> {
     }
 }
 
-impl Group<'_> {
+impl<const WITH_COVARIANCE: bool> Group<'_, WITH_COVARIANCE> {
     #[inline(always)]
     fn run<A: Arithmetic, S: Simd>(self, simd: S) -> [Option<Found>; GROUP] {
         let mut moments = Moments::new();
@@ -131,7 +133,7 @@ impl Group<'_> {
                 moments.take(simd, k, line, &chords[k], cloud);
             }
         }
-        let solved = solve::<A>(&moments);
+        let solved = solve::<A, WITH_COVARIANCE>(&moments);
         // Without room for distances there are none to measure.
         let mut rest = self.along_mm;
         let mut found = [None; GROUP];
@@ -141,7 +143,7 @@ impl Group<'_> {
             if let [first, ..] = line
                 && solved.is_good[k]
             {
-                let found_line = solved.line(k, first, &chords[k]);
+                let found_line = solved.line::<WITH_COVARIANCE>(k, first, &chords[k]);
                 measure_along::<A>(line, &found_line.direction, cloud, along_mm);
                 found[k] = Some(found_line);
             }
@@ -291,9 +293,7 @@ struct Solved {
 
 impl Solved {
     #[inline(always)]
-    fn line(&self, k: usize, first: &[f64; 3], chord: &Chord) -> Found {
-        let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|i| self.covariance[i][k]);
-        let covariance = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    fn line<const WITH_COVARIANCE: bool>(&self, k: usize, first: &[f64; 3], chord: &Chord) -> Found {
         let mut found = Found {
             centroid_mm: [0.0; 3],
             direction: [0.0; 3],
@@ -303,8 +303,14 @@ impl Solved {
         for (i, &row) in chord.order.iter().enumerate() {
             found.centroid_mm[row] = first[row] + self.mean_mm[i][k];
             found.direction[row] = self.direction[i][k];
-            for (j, &column) in chord.order.iter().enumerate() {
-                found.direction_covariance[row][column] = covariance[i][j];
+        }
+        if WITH_COVARIANCE {
+            let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|i| self.covariance[i][k]);
+            let covariance = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+            for (&row, of_row) in chord.order.iter().zip(covariance) {
+                for (&column, value) in chord.order.iter().zip(of_row) {
+                    found.direction_covariance[row][column] = value;
+                }
             }
         }
         found
@@ -312,7 +318,7 @@ impl Solved {
 }
 
 #[inline(always)]
-fn solve<A: Arithmetic>(moments: &Moments) -> Solved {
+fn solve<A: Arithmetic, const WITH_COVARIANCE: bool>(moments: &Moments) -> Solved {
     let mut solved = Solved {
         mean_mm: [ZEROS; 3],
         direction: [ZEROS; 3],
@@ -355,27 +361,29 @@ fn solve<A: Arithmetic>(moments: &Moments) -> Solved {
         let length = inverse_square.sqrt() * if moments.chord_mm[k] < 0.0 { -1.0 } else { 1.0 };
         let v = [length, q[0] * length, q[1] * length];
 
-        // On the plane across the line the residuals' matrix M has trace τ and determinant δ, and there M² = τ M − δ P, so
-        // that (λP − M)⁻¹ (λP + M) (λP − M)⁻¹ is a sum of the projector P and M.
         let u = [two::<A>(rest[0], v[1], rest[1], v[2]), two::<A>(rest[1], v[1], rest[2], v[2])];
         let uv = two::<A>(u[0], v[1], u[1], v[2]);
         let trace = (rest[0] + rest[2] - uv).max(0.0);
-        let delta = two::<A>(rest[0], rest[2], -rest[1], rest[1]) * (v[0] * v[0]);
-        let determinant = A::mul_add(along, along - trace, delta);
-        let b0 = A::mul_add(along - trace, along - trace, -delta);
-        let b1 = 2.0 * along - trace;
-        let variance = trace / (A::mul_add(2.0, n_points, -4.0) * determinant * determinant);
-        let plain = variance * A::mul_add(b0, along, -b1 * delta);
-        let with = variance * A::mul_add(b1, along + trace, b0);
-        let u = [0.0, u[0], u[1]];
-        let of_rest = [0.0, 0.0, 0.0, rest[0], rest[1], rest[2]];
-        let places = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-        for (i, (row, column)) in places.into_iter().enumerate() {
-            let both = two::<A>(v[row], u[column], u[row], v[column]);
-            let across = A::mul_add(uv * v[row], v[column], of_rest[i] - both);
-            let unit = if row == column { 1.0 } else { 0.0 };
-            let projector = A::mul_add(-v[row], v[column], unit);
-            solved.covariance[i][k] = A::mul_add(plain, projector, with * across);
+        if WITH_COVARIANCE {
+            // On the plane across the line the residuals' matrix M has trace τ and determinant δ, and there M² = τ M − δ P, so
+            // that (λP − M)⁻¹ (λP + M) (λP − M)⁻¹ is a sum of the projector P and M.
+            let delta = two::<A>(rest[0], rest[2], -rest[1], rest[1]) * (v[0] * v[0]);
+            let determinant = A::mul_add(along, along - trace, delta);
+            let b0 = A::mul_add(along - trace, along - trace, -delta);
+            let b1 = 2.0 * along - trace;
+            let variance = trace / (A::mul_add(2.0, n_points, -4.0) * determinant * determinant);
+            let plain = variance * A::mul_add(b0, along, -b1 * delta);
+            let with = variance * A::mul_add(b1, along + trace, b0);
+            let u = [0.0, u[0], u[1]];
+            let of_rest = [0.0, 0.0, 0.0, rest[0], rest[1], rest[2]];
+            let places = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
+            for (i, (row, column)) in places.into_iter().enumerate() {
+                let both = two::<A>(v[row], u[column], u[row], v[column]);
+                let across = A::mul_add(uv * v[row], v[column], of_rest[i] - both);
+                let unit = if row == column { 1.0 } else { 0.0 };
+                let projector = A::mul_add(-v[row], v[column], unit);
+                solved.covariance[i][k] = A::mul_add(plain, projector, with * across);
+            }
         }
         solved.rms_mm[k] = (trace / n_points).sqrt();
         for i in 0..2 {

@@ -109,7 +109,7 @@ pub struct FittedLines {
     pub direction: Vec<[f64; 3]>,
     /// Root mean square distance of the points from the line.
     pub rms_mm: Vec<f64>,
-    /// Covariance of the direction (rank 2, across it).
+    /// Covariance of the direction (rank 2, across it); empty where it was not asked for.
     pub direction_covariance: Vec<[[f64; 3]; 3]>,
     /// For every point, its distance along its line from the line's first point; empty where they were not asked for.
     pub along_mm: Vec<f64>,
@@ -124,6 +124,20 @@ pub enum PointNoise<'a> {
     FromResiduals,
     /// A 3×3 covariance for each point.
     Covariances(&'a [[[f64; 3]; 3]]),
+}
+
+/// What is asked for beside the lines themselves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Asked {
+    /// Distances along: a fifth of the time, and eight bytes a point.
+    pub along: bool,
+    /// Covariances of the directions: a sixth of the time, and 72 bytes a line.
+    pub direction_covariance: bool,
+}
+
+impl Asked {
+    /// Everything.
+    pub const ALL: Self = Self { along: true, direction_covariance: true };
 }
 
 /// One fitted line.
@@ -156,25 +170,15 @@ pub fn fit_lines(
     starts: &[usize],
     noise: PointNoise<'_>,
 ) -> Result<FittedLines, LineError> {
-    let along_mm = vec![0.0; points_mm.len()];
-    fit_lines_into(along_mm, points_mm, starts, noise)
+    fit_lines_for(Asked::ALL, points_mm, starts, noise)
 }
 
-/// Fits the same lines without the distances along them: a fifth of the time, and eight bytes a point, less.
+/// Fits the same lines, with no more beside them than is asked for.
 ///
 /// # Errors
 /// As [`fit_lines`].
-pub fn fit_lines_alone(
-    points_mm: &[[f64; 3]],
-    starts: &[usize],
-    noise: PointNoise<'_>,
-) -> Result<FittedLines, LineError> {
-    fit_lines_into(Vec::new(), points_mm, starts, noise)
-}
-
-/// Fits lines, with room for the distance of every point, or for none.
-fn fit_lines_into(
-    along_mm: Vec<f64>,
+pub fn fit_lines_for(
+    asked: Asked,
     points_mm: &[[f64; 3]],
     starts: &[usize],
     noise: PointNoise<'_>,
@@ -185,18 +189,19 @@ fn fit_lines_into(
         centroid_mm: vec![[0.0; 3]; n_lines],
         direction: vec![[0.0; 3]; n_lines],
         rms_mm: vec![0.0; n_lines],
-        direction_covariance: vec![[[0.0; 3]; 3]; n_lines],
-        along_mm,
+        direction_covariance: vec![[[0.0; 3]; 3]; if asked.direction_covariance { n_lines } else { 0 }],
+        along_mm: vec![0.0; if asked.along { points_mm.len() } else { 0 }],
         status: vec![Status::Ok; n_lines],
     };
     let first_starts: Vec<usize> = starts.iter().step_by(GROUP).copied().collect();
+    let covariances = groups_of_covariances(&mut fitted.direction_covariance, first_starts.len());
     let groups = cut(&mut fitted.along_mm, &first_starts, points_mm.len())
         .into_par_iter()
         .zip(starts.par_chunks(GROUP))
         .zip(fitted.centroid_mm.par_chunks_mut(GROUP))
         .zip(fitted.direction.par_chunks_mut(GROUP))
         .zip(fitted.rms_mm.par_chunks_mut(GROUP))
-        .zip(fitted.direction_covariance.par_chunks_mut(GROUP))
+        .zip(covariances)
         .zip(fitted.status.par_chunks_mut(GROUP))
         .map(|((((((along, starts), centroid_mm), direction), rms_mm), direction_covariance), status)| {
             Group {
@@ -227,6 +232,7 @@ struct Group<'a> {
     centroid_mm: &'a mut [[f64; 3]],
     direction: &'a mut [[f64; 3]],
     rms_mm: &'a mut [f64],
+    /// Empty where covariances are not asked for.
     direction_covariance: &'a mut [[[f64; 3]; 3]],
     status: &'a mut [Status],
 }
@@ -244,13 +250,20 @@ impl Group<'_> {
             for (line, points) in lines.iter_mut().enumerate().take(self.starts.len()) {
                 *points = &points_mm[self.range(line)];
             }
-            let found = fit_group(&lines[..self.starts.len()], clouds, self.along_mm);
+            let lines = &lines[..self.starts.len()];
+            let found = if self.direction_covariance.is_empty() {
+                fit_group::<false>(lines, clouds, self.along_mm)
+            } else {
+                fit_group::<true>(lines, clouds, self.along_mm)
+            };
             for (line, found) in found.iter().enumerate() {
                 if let Some(found) = found {
                     self.centroid_mm[line] = found.centroid_mm;
                     self.direction[line] = found.direction;
                     self.rms_mm[line] = found.rms_mm;
-                    self.direction_covariance[line] = found.direction_covariance;
+                    if let Some(covariance) = self.direction_covariance.get_mut(line) {
+                        *covariance = found.direction_covariance;
+                    }
                     is_open[line] = false;
                 }
             }
@@ -279,8 +292,9 @@ impl Group<'_> {
         self.centroid_mm[line] = fitted.map_or([f64::NAN; 3], |line| line.centroid_mm.into());
         self.direction[line] = fitted.map_or([f64::NAN; 3], |line| line.direction.into());
         self.rms_mm[line] = fitted.map_or(f64::NAN, |line| line.rms_mm);
-        self.direction_covariance[line] =
-            fitted.map_or([[f64::NAN; 3]; 3], |line| line.direction_covariance.into());
+        if let Some(covariance) = self.direction_covariance.get_mut(line) {
+            *covariance = fitted.map_or([[f64::NAN; 3]; 3], |line| line.direction_covariance.into());
+        }
     }
 }
 
@@ -301,6 +315,13 @@ fn check(n_points: usize, starts: &[usize], noise: &PointNoise<'_>) -> Result<()
         previous = found;
     }
     Ok(())
+}
+
+/// Room for the covariances of each group, or none for any.
+fn groups_of_covariances(all: &mut [[[f64; 3]; 3]], n_groups: usize) -> Vec<&mut [[[f64; 3]; 3]]> {
+    let mut groups: Vec<_> = all.chunks_mut(GROUP).collect();
+    groups.resize_with(n_groups, Default::default);
+    groups
 }
 
 /// Cuts a row of a number for each point at the starts, or one of none; each piece comes with where it ends.
