@@ -59,7 +59,9 @@ def by_eigenvectors(p: Array) -> Lines:
     return centroid, direction, rms(d, direction)
 
 
-def ours(p: Array, starts: npt.NDArray[np.int64], *, along: bool = False, direction_covariance: bool = False) -> Lines:
+def ours(
+    p: Array, starts: npt.NDArray[np.int64], *, along: bool = False, direction_covariance: bool = False
+) -> Lines:
     """Call geoerr for what its peers give, and for more."""
     found = fit_lines(p.reshape(-1, 3), starts, along=along, direction_covariance=direction_covariance)
     return found.centroid_mm, found.direction, found.rms_mm
