@@ -137,6 +137,32 @@ def test_what_is_not_determined_is_said_where_its_curve_would_be():
     assert next(row for row in squareness_table(unknown).rows if row[0] == "EB0Z")[2] == "not determined"
 
 
+def test_an_empty_panel_says_why_in_its_own_place_and_has_no_scale():
+    errors = some_errors()
+    functions = {name: one for name, one in errors.functions.items() if name not in ("EAX", "EXY")}
+    why = "these measurements cannot tell it from EB0Z, the pose of the measuring frame: the y axis never moved"
+    known = dataclasses.replace(
+        errors, functions=functions, squareness={}, not_determined=(NotDetermined("EC0Y", why),)
+    )
+    figure = figures.error_curves(known, absent=("EAX",))
+    said = {one.xref.split()[0]: one for one in figure.layout.annotations if one.text.startswith("<i>")}
+    assert len(said) == 5
+    # What has no trace is no panel: Plotly would say all of it in the first.
+    assert set(said) <= {trace.xaxis for trace in figure.data}
+    for name, one in said.items():
+        for axis in (name, one.yref.split()[0]):
+            assert figure.layout[axis[0] + "axis" + axis[1:]].showticklabels is False
+    assert [one.text for one in said.values()].count("<i>not in the model</i>") == 1
+    # Two lines of a reason fit below the heading of a low panel.
+    long = next(one for one in said.values() if "EB0Z" in one.text)
+    assert (long.y, long.yanchor, long.text.count("<br>")) == (1.0, "top", 2)
+
+
+def test_a_band_is_no_row_of_points():
+    few = np.array([0.0, 100.0, 200.0])
+    assert style.band(few, few, few, style.BLUE).mode == "lines"
+
+
 @pytest.mark.parametrize("chain", ["wZbXYt", "wbXYZt", "wXYZbt"])
 def test_the_nine_lines_are_what_a_target_at_their_offset_travels(chain):
     machine = dataclasses.replace(MACHINE, chain=chain)

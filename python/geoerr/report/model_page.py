@@ -237,7 +237,7 @@ def _error_blocks(report: ModelReport) -> tuple[Block, ...]:
         )
     caption = "Error functions over their axis, with 95 % intervals where the model knows them; squareness last."
     return (
-        Figure(error_curves(report.errors), caption),
+        Figure(error_curves(report.errors, absent=report.not_in_model), caption),
         error_function_table(report.errors, absent=report.not_in_model),
         squareness_table(report.errors, absent=report.not_in_model),
         *map(as_sentence, report.errors.notes),

@@ -9,7 +9,7 @@ from geoerr.effects.values import value_words
 from geoerr.errors import NotDeterminedError
 from geoerr.report.figures import style
 from geoerr.report.figures.states import difference_curves, difference_map, state_curves
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
 from geoerr.states import Difference, States
 from geoerr.summaries import p_text, p_words
@@ -34,8 +34,7 @@ def write_states_page(path: str | Path, states: States, provenance: Provenance) 
     summary = [
         f"{difference.second} minus {difference.first}: {p_words(difference.p_value)} that nothing differs.",
         f"Beyond chance: {', '.join(beyond) if beyond else 'no single function'}.",
-        *states.notes,
-        *states.model.notes,
+        *(as_sentence(note).text for note in (*states.notes, *states.model.notes)),
     ]
     sections = [
         Section("The 21 errors at each temperature", (Figure(state_curves(states), "All states."),)),

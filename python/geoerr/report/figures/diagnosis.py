@@ -187,9 +187,7 @@ def unknown_curve(diagnosis: Diagnosis) -> go.Figure:
 def _line(curve: Curve, title: str) -> go.Figure:
     at, value_um = curve.at[0], curve.value_um
     figure = go.Figure()
-    figure.add_trace(
-        style.band(at, value_um, style.COVERAGE_95 * curve.std_um, style.PURPLE, name="95 %", mode="lines")
-    )
+    figure.add_trace(style.band(at, value_um, style.COVERAGE_95 * curve.std_um, style.PURPLE, name="95 %"))
     figure.add_trace(
         go.Scatter(
             x=at,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Collection
 
 import numpy as np
 import plotly.graph_objects as go
@@ -20,10 +21,15 @@ from geoerr.machine import AXES
 from geoerr.report.figures import style
 
 _HEIGHT_PX = 1240
+_SQUARENESS_ROW = 8
 
 
 def error_curves(
-    errors: ErrorFunctions, truth: ErrorFunctions | None = None, title: str = "The 21 geometric errors"
+    errors: ErrorFunctions,
+    truth: ErrorFunctions | None = None,
+    title: str = "The 21 geometric errors",
+    *,
+    absent: Collection[str] = (),
 ) -> go.Figure:
     """Draw the 21 errors: a column for each axis, a row for each direction, squareness below.
 
@@ -35,6 +41,8 @@ def error_curves(
         What a simulation put in; dashed.
     title
         Heading of the figure.
+    absent
+        Names of what is not in the model: nobody looked for them.
 
     Returns
     -------
@@ -61,12 +69,12 @@ def error_curves(
             true = None if truth is None else truth.functions.get(name)
             _draw_function(figure, row, column, name, found, true, shown)
             if found is None:
-                _say_why(figure, row, column, reasons.get(name, "not in this file"))
+                _say_why(figure, row, column, reasons.get(name), is_absent=name in absent)
         unit = "µrad" if is_angular(names_of_row[0]) else "µm"
         figure.update_yaxes(title_text=unit, row=row, col=1)
     for column, axis in enumerate(AXES, start=1):
         figure.update_xaxes(title_text=f"{axis.upper()}, mm", row=6, col=column)
-    _draw_squareness(figure, errors, truth, shown)
+    _draw_squareness(figure, errors, truth, shown, absent)
     return style.finish(
         figure,
         title,
@@ -151,7 +159,11 @@ def _squareness_title(errors: ErrorFunctions, name: str) -> str:
 
 
 def _draw_squareness(
-    figure: go.Figure, errors: ErrorFunctions, truth: ErrorFunctions | None, shown: set[str]
+    figure: go.Figure,
+    errors: ErrorFunctions,
+    truth: ErrorFunctions | None,
+    shown: set[str],
+    absent: Collection[str],
 ) -> None:
     reasons = {item.name: item.why for item in errors.not_determined}
     for column, name in enumerate(SQUARENESS, start=1):
@@ -160,20 +172,22 @@ def _draw_squareness(
         values = []
         half = 0.0
         if found is None:
-            _say_why(figure, 8, column, reasons.get(name, "not in this file"))
+            _say_why(figure, _SQUARENESS_ROW, column, reasons.get(name), is_absent=name in absent)
         else:
             values.append(found.value_rad * style.MICRO)
             half = 0.0 if found.std_rad is None else found.std_rad * style.MICRO * style.COVERAGE_95
-            figure.add_trace(_squareness_point(name, values[0], half, shown), row=8, col=column)
+            figure.add_trace(_squareness_point(name, values[0], half, shown), row=_SQUARENESS_ROW, col=column)
         if true is not None:
             values.append(true.value_rad * style.MICRO)
-            figure.add_trace(_squareness_truth(name, values[-1], shown), row=8, col=column)
+            figure.add_trace(_squareness_truth(name, values[-1], shown), row=_SQUARENESS_ROW, col=column)
         if values:
             # Room for the interval and the truth, at a scale at which the interval is seen.
             reach = max(1.4 * half, 1.6 * float(np.ptp(values)), 1e-3 * abs(values[0]), 0.1)
-            figure.update_xaxes(range=[values[0] - reach, values[0] + reach], row=8, col=column)
-        figure.update_xaxes(title_text="µrad", nticks=6, zeroline=False, tickformat=",.0f", row=8, col=column)
-        figure.update_yaxes(range=[-1.0, 1.0], visible=False, row=8, col=column)
+            figure.update_xaxes(
+                range=[values[0] - reach, values[0] + reach], title_text="µrad", row=_SQUARENESS_ROW, col=column
+            )
+        figure.update_xaxes(nticks=6, zeroline=False, tickformat=",.0f", row=_SQUARENESS_ROW, col=column)
+        figure.update_yaxes(range=[-1.0, 1.0], visible=False, row=_SQUARENESS_ROW, col=column)
 
 
 def _squareness_point(name: str, value: float, half: float, shown: set[str]) -> go.Scatter:
@@ -203,25 +217,13 @@ def _squareness_truth(name: str, value: float, shown: set[str]) -> go.Scatter:
     )
 
 
-def _say_why(figure: go.Figure, row: int, column: int, why: str) -> None:
-    lines = textwrap.wrap(why, 48, max_lines=3, placeholder=" …")
-    figure.add_annotation(
-        text="<br>".join(["<i>not determined</i>", *lines]),
-        x=0.5,
-        y=0.5,
-        xref="x domain",
-        yref="y domain",
-        xanchor="center",
-        yanchor="middle",
-        showarrow=False,
-        font={"size": 11, "color": "#555555"},
-        bgcolor="rgba(255,255,255,0.85)",
-        row=row,
-        col=column,
-    )
-    figure.add_trace(
-        go.Scatter(x=np.array([]), y=np.array([]), showlegend=False, hoverinfo="skip"), row=row, col=column
-    )
+def _say_why(figure: go.Figure, row: int, column: int, reason: str | None, *, is_absent: bool) -> None:
+    """Say that a function is not in the model, or not determined, and why where that is known."""
+    what = "not in the model" if is_absent else "not determined"
+    is_squareness = row == _SQUARENESS_ROW
+    most_lines, width = (2, 56) if is_squareness else (3, 48)
+    why = textwrap.wrap("" if is_absent else reason or "", width, max_lines=most_lines, placeholder=" …")
+    style.say_instead(figure, row, column, [f"<i>{what}</i>", *why], from_top=is_squareness)
 
 
 def _first(shown: set[str], what: str) -> bool:

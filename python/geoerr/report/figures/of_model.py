@@ -23,7 +23,7 @@ from geoerr.verify.positioning import axis_line_mm, diagonals_mm, predict_positi
 
 def model_errors(model: Model, truth: ErrorFunctions | None = None, at: Conditions | None = None) -> go.Figure:
     """Draw the 21 errors of a model, with their bands, beside the truth of a simulation."""
-    return error_curves(model.error_functions(at=at), truth)
+    return error_curves(model.error_functions(at=at), truth, absent=model.not_in_model)
 
 
 def model_field(model: Model, at: Conditions | None = None) -> go.Figure:

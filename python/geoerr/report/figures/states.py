@@ -279,17 +279,7 @@ def _say_what_is_not_determined(figure: go.Figure, names: tuple[str, ...]) -> No
     places = [*_places(), *((name, 8, column) for column, name in enumerate(SQUARENESS, start=1))]
     for name, row, column in places:
         if name not in names:
-            figure.add_annotation(
-                text="<i>not determined in every state</i>",
-                x=0.5,
-                y=0.5,
-                xref="x domain",
-                yref="y domain",
-                showarrow=False,
-                font={"size": 11, "color": "#555555"},
-                row=row,
-                col=column,
-            )
+            style.say_instead(figure, row, column, ["<i>not determined in every state</i>"])
 
 
 def _slice(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 import plotly.graph_objects as go
@@ -154,12 +156,48 @@ def band(x: Numbers, middle: Numbers, half_width: Numbers, color: str, **more: o
     return go.Scatter(
         x=np.concatenate([x, x[::-1]]),
         y=np.concatenate([middle + half_width, (middle - half_width)[::-1]]),
+        # Of few points Plotly would draw each as a dot, as if it had been measured.
+        mode="lines",
         fill="toself",
         fillcolor=transparent(color, 0.22),
         line={"width": 0},
         hoverinfo="skip",
         **more,
     )
+
+
+def say_instead(figure: go.Figure, row: int, column: int, lines: Sequence[str], *, from_top: bool = False) -> None:
+    """Say in a panel why it has no curve; it has no ticks either, for there is nothing to be read off them.
+
+    Parameters
+    ----------
+    figure
+        Of `make_subplots`; it is changed in place.
+    row, column
+        Of the panel.
+    lines
+        What is said; marked up as Plotly has it.
+    from_top
+        Whether they begin at the panel's upper edge and use the room of its ticks, where the panel is low.
+    """
+    figure.add_annotation(
+        text="<br>".join(lines),
+        x=0.5,
+        y=1.0 if from_top else 0.5,
+        xref="x domain",
+        yref="y domain",
+        xanchor="center",
+        yanchor="top" if from_top else "middle",
+        showarrow=False,
+        font={"size": 11, "color": "#555555"},
+        row=row,
+        col=column,
+    )
+    # A panel without a trace is none to Plotly: it draws no axes, and what is said in it elsewhere.
+    figure.add_trace(go.Scatter(x=[], y=[], showlegend=False, hoverinfo="skip"), row=row, col=column)
+    blank = {"showticklabels": False, "ticks": "", "showgrid": False, "zeroline": False}
+    figure.update_xaxes(**blank, showline=not from_top, row=row, col=column)
+    figure.update_yaxes(**blank, showline=not from_top, row=row, col=column)
 
 
 def transparent(color: str, opacity: float) -> str:
