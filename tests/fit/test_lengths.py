@@ -373,6 +373,14 @@ def test_lengths_are_searched_beside_points_whose_directions_are_known() -> None
     assert not any("ask of the lengths alone" in note for note in alone.notes)
 
 
+def test_of_lengths_nobody_knows_that_an_axis_stood_at_the_first_of_their_ends() -> None:
+    """Both ends of a length take no part in what follows directions: one of them alone is no length."""
+    directions = {"dir_x": np.repeat([1.0, -1.0], 15)}
+    table = lengths(anywhere(30, 5), lambda p: np.array(p), s_measured=0.02)
+    fitted = fit_model(PRINTER, along_x(1e-3, **directions), table, components="none", effects=["backlash:x"]).fitted
+    assert fitted.sightings.left_out == {"nothing is known of d_x": 30}
+
+
 def test_a_length_from_its_other_end_is_the_same_and_conditions_have_any_name() -> None:
     pairs = [(CORNERS[one], CORNERS[two]) for one, two in SIDES_AND_DIAGONALS]
     swapped = [(two, one) for one, two in pairs]

@@ -63,6 +63,8 @@ def standing(
         Of all terms, and (k, n) as `variable_columns` gives them.
     """
     starts = sightings.sequences.tolist()
+    # Lengths come in no order: of the first of them nobody knows that the machine stood there.
+    of_lengths = sightings.of_kind("lengths")
     for number, axis in enumerate(AXES):
         own = {f"{name}_{axis}" for name in ("d", *_SETTLED)}
         asking = tuple(term for term in terms if own & set(term.variables))
@@ -70,7 +72,8 @@ def standing(
             continue
         direction, place = variables[names.index(f"d_{axis}")], sightings.commanded_mm[:, number]
         for start, end in zip(starts, [*starts[1:], len(sightings)], strict=True):
-            stands = np.isnan(direction[start:end]) & (place[start:end] == place[start])
+            unknown = np.isnan(direction[start:end]) & ~of_lengths[start:end]
+            stands = unknown & (place[start:end] == place[start])
             n_rows = int(np.logical_and.accumulate(stands).sum())
             if n_rows:
                 rows = np.zeros(len(sightings), dtype=bool)
