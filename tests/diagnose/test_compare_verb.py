@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from geoerr.machine import write_machine
 from geoerr.model import Model, write_model
 from geoerr.report import figures
 from geoerr.report.figures import style
-from geoerr.report.figures.volume import direction_colors
+from geoerr.report.figures.volume import direction_colors, volume_of
 
 STRETCHED = Model(MACHINE, terms=(term("scale", "EXX", "k*x", k=1e-4),))
 # docs/reference/formats/json.md, `compare`.
@@ -83,6 +84,31 @@ def test_any_model_with_any_measurements_gives_the_keys_of_the_contract(
         assert {"rmse_um", "n"} <= set(part)
     own = model == "model.json" and data == ("points.csv",)
     assert (found["is_own_data"], found["model_takes_part"]) == (own, own)
+
+
+def test_a_page_tells_radii_and_lengths_from_components_of_positions(folder: Path) -> None:
+    def page(*data: str) -> str:
+        result = run(folder, "machine.toml", *data, "--report", str(folder / "page.html"))
+        assert result.exit_code == 0, result.exception
+        return (folder / "page.html").read_text(encoding="utf-8")
+
+    alone = page("circle.csv")
+    assert "residual radius, µm" in alone
+    assert "residual x, µm" not in alone
+    # Two lengths that are off by no more than points are among the worst, in a column of their own.
+    mixed = page("points.csv", "circle.csv", "lengths.csv")
+    assert {"residual x, µm", "residual length, µm"} <= set(re.findall("residual [a-z]+, µm", mixed))
+
+
+def test_only_positions_are_drawn_in_the_volume(folder: Path) -> None:
+    points, lengths = (geoerr.read_observations(folder / "points.csv"), geoerr.read_lengths(folder / "lengths.csv"))
+    comparison = compare(Model(MACHINE), points, lengths)
+    assert len(volume_of(comparison).rows) == 90
+    drawn = figures.residual_histogram(comparison).data
+    assert [trace.name for trace in drawn].count("residual") == 4
+    # Nobody repeated a length: the noise of points is not theirs.
+    assert "x4" not in [trace.xaxis for trace in drawn if trace.name == "noise floor (repeats)"]
+    assert {trace.yaxis for trace in figures.residual_over(comparison, "temp_bed").data} == {"y", "y2", "y3"}
 
 
 def test_variables_of_the_machine_come_before_pixels_and_all_have_a_meaning(folder: Path) -> None:

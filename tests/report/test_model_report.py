@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import polars as pl
 import pytest
 from typer.testing import CliRunner, Result
 
@@ -21,7 +22,7 @@ from geoerr.effects import catalogue
 from geoerr.errors import GeoerrError
 from geoerr.machine import Machine, write_machine
 from geoerr.model import FitRecord, Model
-from geoerr.observations import observations_from_columns
+from geoerr.observations import Lengths, observations_from_columns
 from geoerr.report import model_report as parts
 from geoerr.report.figures import style
 from geoerr.report.model_page import model_sections, report_sentences
@@ -122,6 +123,18 @@ def test_a_fitted_model_with_its_data_has_every_section(full: parts.ModelReport)
     assert {"EXX", "EYX", "ECX", "EC0Y"} <= names
     symbols = {row[1] for table in tables(full, parts.ERRORS) for row in table.rows}
     assert {"δ_xx", "ε_zx", "S_xy"} <= symbols
+
+
+def test_lengths_beside_points_and_a_circle_are_on_the_page(folder: Path) -> None:
+    points = geoerr.read_observations(folder / "points.csv")
+    ends = {"x1": [0.0] * 3, "y1": [0.0] * 3, "z1": [0.0] * 3, "x2": [100.0] * 3, "y2": [0.0] * 3, "z2": [0.0] * 3}
+    measured = pl.DataFrame({"feature": ["a", "a", "a"], **ends, "measured": [100.01, 100.02, 100.0]})
+    report = model_report(Model(MACHINE), points, Lengths(measured, ("lengths.csv",)), search=False)
+    (sessions,) = [table for table in tables(report, parts.DATA) if table.caption.startswith("Sessions")]
+    assert [row[0] for row in sessions.rows] == ["0"]
+    assert any(
+        table.caption.startswith("Measured minus predicted length") for table in tables(report, parts.COMPARISON)
+    )
 
 
 def test_figures_of_the_standards_are_those_that_were_put_in(full: parts.ModelReport) -> None:

@@ -43,16 +43,26 @@ def is_circle(fitted: Fitted) -> np.ndarray:
     return fitted.sightings.of_kind("circle")
 
 
+def is_length(fitted: Fitted) -> np.ndarray:
+    """Tell which rows are ends of measured lengths, (n,)."""
+    return fitted.sightings.of_kind("lengths")
+
+
+def is_position(fitted: Fitted) -> np.ndarray:
+    """Tell which rows are positions that a device saw, (n,): a radius and a length point nowhere in the volume."""
+    return np.asarray(~(is_circle(fitted) | is_length(fitted)))
+
+
 def components_of(fitted: Fitted) -> tuple[Component, ...]:
     """Give the components that were measured in any row that takes part."""
-    circle, of_lengths = is_circle(fitted), fitted.sightings.of_kind("lengths")
+    circle, of_lengths = is_circle(fitted), is_length(fitted)
     used = fitted.solved.used
     residual_um = fitted.residual_mm * UM_PER_MM
     found = []
     for index, axis in enumerate(AXES):
-        seen = fitted.sightings.is_measured[:, index] & used & ~(circle | of_lengths)
+        seen = fitted.sightings.is_measured[:, index] & used & is_position(fitted)
         found.append(Component(axis, np.where(seen, residual_um[:, index], np.nan)))
     found.append(Component(RADIUS, np.where(circle & used, residual_um[:, 0], np.nan)))
-    is_length = of_lengths & is_told(fitted.sightings)[:, 0]
-    found.append(Component(LENGTH, np.where(is_length & used, residual_um[:, 0], np.nan)))
+    second_end = of_lengths & is_told(fitted.sightings)[:, 0]
+    found.append(Component(LENGTH, np.where(second_end & used, residual_um[:, 0], np.nan)))
     return tuple(component for component in found if component.is_known.any())

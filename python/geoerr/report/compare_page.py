@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from geoerr.diagnose import Comparison, LengthComparison, Part, SpreadTrend, Trend
+from geoerr.diagnose.components import LENGTH, RADIUS, is_circle, is_length
 from geoerr.diagnose.spread_trends import spreads_to_tell
+from geoerr.machine import AXES
 from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
 from geoerr.report.page import Block, Figure, Maker, Paragraph, Progress, Section, Table, made, write_report
 from geoerr.report.provenance import Provenance
@@ -73,7 +75,7 @@ def comparison_sections(
             lambda: _how_far(comparison),
             lambda: _where(comparison),
             lambda: _what_it_follows(comparison),
-            lambda: [Section("Worst places", (_worst_table(document["worst"]),))],
+            lambda: [Section("Worst places", (_worst_table(comparison, document["worst"]),))],
         ]
     lengths = comparison.lengths
     if lengths is not None:
@@ -101,7 +103,7 @@ def _how_far(comparison: Comparison) -> list[Section]:
 
 
 def _where(comparison: Comparison) -> list[Section]:
-    if len(comparison.regions) < 2 or all(component.name == "radius" for component in comparison.components):
+    if len(comparison.regions) < 2 or not any(component.name in AXES for component in comparison.components):
         return []
     where: tuple[Block, ...] = (
         Figure(residuals.residual_vectors(comparison), "Residuals at their commanded positions, by length."),
@@ -196,16 +198,25 @@ def _bin_table(trend: Trend) -> Table:
     return Table(f"{capitalised(trend.component)} over {variable_label(trend.variable)}", header, rows)
 
 
-def _worst_table(worst: Sequence[Mapping[str, Any]]) -> Table:
+def _worst_table(comparison: Comparison, worst: Sequence[Mapping[str, Any]]) -> Table:
+    """Show the worst rows; what a radius or a length is off by is no component of a position."""
+    fitted = comparison.points
+    kinds = {RADIUS: is_circle(fitted), LENGTH: is_length(fitted)}
+    off = []
+    for row, one in zip(comparison.worst[:_MOST_WORST].tolist(), worst, strict=False):
+        kind = next((name for name, own in kinds.items() if own[row]), None)
+        values = one["residual_um"]
+        off.append(dict(zip(AXES, values, strict=True)) if kind is None else {kind: values[0]})
+    names = [name for name in (*AXES, *kinds) if any(name in own for own in off)]
     rows = tuple(
         (
-            str(row["line"]),
-            *(f"{row[axis]:.6g}" for axis in ("x", "y", "z")),
-            *("–" if value is None else _number(value) for value in row["residual_um"]),
+            str(one["line"]),
+            *(f"{one[axis]:.6g}" for axis in AXES),
+            *("–" if own.get(name) is None else _number(own[name]) for name in names),
         )
-        for row in worst[:_MOST_WORST]
+        for one, own in zip(worst, off, strict=False)
     )
-    header = ("line", "x, mm", "y, mm", "z, mm", "residual x, µm", "y, µm", "z, µm")
+    header = ("line", *(f"{axis}, mm" for axis in AXES), *(f"residual {name}, µm" for name in names))
     return Table("Rows with the longest residuals", header, rows)
 
 

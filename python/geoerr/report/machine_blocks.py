@@ -57,7 +57,9 @@ def data_blocks(comparison: Comparison) -> tuple[Block, ...]:
     sightings = fitted.sightings
     clock = sightings.numbers("t")
     rows = []
-    for number, name in enumerate(sightings.sessions):
+    for number, (name, kind) in enumerate(zip(sightings.sessions, sightings.frames, strict=True)):
+        if kind == "lengths":
+            continue
         own = sightings.session == number
         known = clock[own & np.isfinite(clock)]
         rows.append(
@@ -65,7 +67,7 @@ def data_blocks(comparison: Comparison) -> tuple[Block, ...]:
                 name,
                 str(int(own.sum())),
                 str(len(np.unique(sightings.pass_number[own]))),
-                _FRAMES[sightings.frames[number]],
+                _FRAMES[kind],
                 *(_span((float(values.min()), float(values.max()))) for values in sightings.commanded_mm[own].T),
                 f"{float(np.ptp(known)) / 60.0:.1f}" if known.size else _UNKNOWN,
             )

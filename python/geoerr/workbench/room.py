@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import plotly.graph_objects as go
 
-from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.components import is_position
 from geoerr.fit.sightings import Numbers
 from geoerr.machine import AXES
 from geoerr.report.figures.volume import places_mm
@@ -26,7 +26,7 @@ def ranges_mm(figure: go.Figure, seen: Seen, magnification: float) -> dict[str, 
         Of the residuals of marked rows, which may be any; 0 where only their places are marked.
     """
     points = seen.comparison.points
-    rows = points.solved.used & ~is_circle(points)
+    rows = points.solved.used & is_position(points)
     begin = places_mm(seen.comparison)[rows]
     moved = np.where(points.sightings.is_measured, points.residual_mm, 0.0)[rows]
     ranges = {}

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from geoerr.diagnose import Change, Comparison, Diagnosis
 from geoerr.diagnose.circles import CircleDiagnosis
-from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.components import is_position
 from geoerr.diagnose.trends import variables_of
 from geoerr.effects import Effect
 from geoerr.errors import GeoerrError
@@ -105,7 +105,7 @@ class Seen:
     @property
     def looks(self) -> dict[str, str]:
         """Views that these measurements have: points have a place in the volume, circular tests their own plot."""
-        has_points = not bool(is_circle(self.comparison.points).all())
+        has_points = bool(is_position(self.comparison.points).any())
         return {name: text for name, text in LOOKS.items() if (bool(self.circles) if name == CIRCLE else has_points)}
 
 

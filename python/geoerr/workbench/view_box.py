@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.components import is_position
 from geoerr.report.figures.volume import places_mm
 from geoerr.workbench.session import Rows, Seen
 
@@ -33,4 +33,4 @@ def rows_in_view_box(seen: Seen, told: Mapping[str, Any]) -> Rows:
     inside = depth > 0.0
     for column, ends in enumerate((told["right"], told["up"])):
         inside &= (clip[:, column] >= min(ends) * depth) & (clip[:, column] <= max(ends) * depth)
-    return np.asarray(inside & points.solved.used & ~is_circle(points))
+    return np.asarray(inside & points.solved.used & is_position(points))

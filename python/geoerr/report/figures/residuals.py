@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from html import escape
 from typing import get_args
@@ -36,7 +37,7 @@ _REGION_PX = 440
 _HISTOGRAM_PX = 400
 _MOST_BARS = 60
 _MOST_TEXTS = 30
-_COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE}
+_COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE, "length": style.SKY}
 
 
 def residual_against(
@@ -77,7 +78,7 @@ def residual_against(
     fitted = comparison.points
     values = _numbers_of(fitted, variable, variables_of(fitted))
     colors, color_bar = (None, {}) if color_by is None else _colors_of(fitted, color_by)
-    components = comparison.components
+    components = [one for one in comparison.components if is_live or (one.is_known & np.isfinite(values)).any()]
     points = go.Scattergl if is_live and has_webgl else go.Scatter
     place = value_label(escape(variable), "%{x:.6g}")
     figure = make_subplots(rows=len(components), cols=1, shared_xaxes=True, vertical_spacing=0.05)
@@ -281,8 +282,10 @@ def residual_histogram(comparison: Comparison) -> go.Figure:
             row=1,
             col=column,
         )
+        # Repeats of radii and lengths stand in the first component: beside points it is theirs.
+        is_own = component.name in AXES or len(components) == 1
         index = AXES.index(component.name) if component.name in AXES else 0
-        sigma_um = float(np.sqrt(variance_mm2[index])) * style.UM_PER_MM
+        sigma_um = float(np.sqrt(variance_mm2[index])) * style.UM_PER_MM if is_own else math.nan
         if np.isfinite(sigma_um) and sigma_um > 0.0:
             reach = max(abs(low), abs(high), 3.0 * sigma_um)
             at = np.linspace(-reach, reach, 201)
@@ -318,7 +321,7 @@ def residual_histogram(comparison: Comparison) -> go.Figure:
 
 
 def _in_words(component: Component) -> str:
-    return "radius" if component.name == "radius" else f"along {component.name}"
+    return f"along {component.name}" if component.name in AXES else component.name
 
 
 def of_component(moved_um: Numbers, component: Component) -> Numbers:

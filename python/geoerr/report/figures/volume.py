@@ -11,7 +11,7 @@ import numpy.typing as npt
 import plotly.graph_objects as go
 
 from geoerr.diagnose import Comparison
-from geoerr.diagnose.components import is_circle
+from geoerr.diagnose.components import is_position
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
 
@@ -75,14 +75,14 @@ def volume_of(comparison: Comparison, *, exaggeration: float = 1.0, most_points:
     Parameters
     ----------
     comparison
-        Circular tests in it have no residual in the volume.
+        Circular tests and lengths in it have no residual in the volume.
     exaggeration
         Times the magnification that draws the largest residual as about a tenth of the volume.
     most_points
         Of more rows every k-th is drawn.
     """
     fitted = comparison.points
-    rows = style.thinned(fitted.solved.used & ~is_circle(fitted), most_points)
+    rows = style.thinned(fitted.solved.used & is_position(fitted), most_points)
     at = places_mm(comparison)[rows]
     error = np.where(fitted.sightings.is_measured, fitted.residual_mm, 0.0)[rows]
     largest = float(np.linalg.norm(error, axis=1).max(initial=0.0))
