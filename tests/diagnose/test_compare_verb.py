@@ -21,6 +21,7 @@ from geoerr.diagnose.labels import variable_meaning
 from geoerr.errors import GeoerrError, GeometryError, InputFileError
 from geoerr.machine import write_machine
 from geoerr.model import Model, write_model
+from geoerr.observations import observations_from_columns
 from geoerr.report import figures
 from geoerr.report.figures import style
 from geoerr.report.figures.volume import direction_colors, volume_of
@@ -303,6 +304,21 @@ def test_opposite_directions_have_different_colours() -> None:
     assert len(set(colors)) == 6
     assert direction_colors(3.0 * axes) == colors
     assert direction_colors(np.zeros((1, 3)))[0].startswith("#")
+
+
+def test_a_noise_far_below_the_residual_leaves_the_histogram_at_its_top() -> None:
+    x = np.tile(np.linspace(0.0, 300.0, 60), 3)
+    off = 5e-3 * np.sin(x / 20.0) + np.random.default_rng(3).normal(0.0, 1e-4, x.shape)
+    columns = {"x": x, "y": 0.0 * x + 10.0, "z": 0.0 * x + 10.0, "repeat": np.repeat([0.0, 1.0, 2.0], 60)}
+    points = observations_from_columns(columns | {"mx": x + off, "carrier": ["relative"] * len(x)})
+    figure = figures.residual_histogram(compare(Model(MACHINE), points))
+    bars, curve = figure.data
+    density = np.array(curve.y)
+    assert density.max() > 4.0 * max(bars.y)
+    # A curve that is cut off level would be another distribution.
+    assert (density == density.max()).sum() == 1
+    assert max(bars.y) < figure.layout.yaxis.range[1] < density.max()
+    assert figure.layout.yaxis.range[0] == 0.0
 
 
 def test_the_histogram_counts_every_residual(scene: Comparison) -> None:

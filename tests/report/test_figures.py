@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 
 import numpy as np
 import plotly.graph_objects as go
+import polars as pl
 import pytest
 
 from geoerr.error_functions import (
@@ -19,11 +21,14 @@ from geoerr.error_functions import (
 )
 from geoerr.machine import AXES, Axis, Machine
 from geoerr.model import Model
-from geoerr.observations import observations_from_columns
+from geoerr.observations import CircularTest, observations_from_columns
 from geoerr.report import figures
+from geoerr.report.ballbar import circular_test_blocks
 from geoerr.report.error_tables import error_function_table, not_determined, share_within_95, squareness_table
 from geoerr.report.figures import style
-from geoerr.verify.ballbar import circle_to_test, run_circular_test
+from geoerr.report.figures.volume import aspect_of
+from geoerr.report.page import Table
+from geoerr.verify.ballbar import circle_of_first_run, circle_to_test, run_circular_test
 from geoerr.verify.positioning import PositioningTest
 
 MACHINE = Machine("test", "wZbXYt", {name: Axis((0.0, 400.0)) for name in AXES})
@@ -217,6 +222,70 @@ def test_the_circle_shows_the_deviations_and_closes():
         assert trace.r.max() < axis.range[1]
         ring = np.diff(axis.tickvals)
         assert any(f"rings {ring[0]:g} µm apart" in annotation.text for annotation in figure.layout.annotations)
+
+
+def runs_of_a_circle(names: list[str]) -> CircularTest:
+    """Runs both ways under each name, in a file of a ball bar."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 121)
+    frames = [
+        pl.DataFrame(
+            {
+                "line": [name] * len(angle),
+                "dir": [sense] * len(angle),
+                "x": 200.0 + 100.0 * np.cos(sense * angle),
+                "y": 200.0 + 100.0 * np.sin(sense * angle),
+                "z": 0.0 * angle,
+                "r": 100.0 + 0.005 * np.cos(2.0 * angle),
+            }
+        )
+        for name in names
+        for sense in (1, -1)
+    ]
+    return CircularTest(pl.concat(frames).with_row_index("file_row", offset=2), ("memory",))
+
+
+def test_measured_runs_are_told_apart_and_their_legend_stands_below_the_plots():
+    measured = runs_of_a_circle(["<b>bar</b>", "bar"])
+    result = run_circular_test(Model(MACHINE, some_errors()), circle_of_first_run(measured), measured=measured)
+    figure = figures.circular_test(result)
+    runs = [trace for trace in figure.data if (trace.name or "").startswith("measured")]
+    assert len({trace.name for trace in runs}) == len({trace.marker.color for trace in runs}) == 4
+    assert len({trace.marker.symbol for trace in runs}) == 4
+    assert runs[0].name.startswith("measured &lt;b&gt;bar&lt;/b&gt;, dir +1, G = ")
+    assert "<b>" not in runs[0].hovertemplate
+    layout = figure.layout
+    plots_px = layout.height - layout.margin.t - layout.margin.b
+    assert -layout.legend.y * plots_px + 6 * 20 <= layout.margin.b + 12
+    assert (layout.legend.orientation, layout.legend.yanchor) == ("v", "top")
+
+
+def test_a_machine_without_errors_shows_the_measured_runs_alone():
+    measured = runs_of_a_circle(["bar"])
+    result = run_circular_test(Model(MACHINE), circle_of_first_run(measured), measured=measured)
+    drawn, *rest = circular_test_blocks(result)
+    assert [trace.name.split(",")[0] for trace in drawn.figure.data if trace.name] == [
+        "measured bar",
+        "measured bar",
+        "machine without errors",
+    ]
+    assert "compensation" not in drawn.caption
+    assert [table.caption for table in rest if isinstance(table, Table)] == ["Measured runs, µm"]
+
+
+def test_what_files_call_their_lines_is_no_markup_and_no_longer_than_its_plot():
+    test = PositioningTest(np.array([0.0, 100.0]), *np.zeros((4, 2)), 5)
+    name = "X at y 50, z 40 mm (<i>front</i> & left, by the door of the hall, second try)"
+    figure = figures.positioning_curves({name: test}, "Positioning", "measured")
+    (title,) = (one.text for one in figure.layout.annotations)
+    assert title.startswith("X at y 50, z 40 mm (&lt;i&gt;front&lt;/i&gt; &amp; left")
+    assert len(html.unescape(title)) <= 58
+    assert title.endswith("…")
+
+
+def test_places_on_a_line_are_drawn_in_a_cube():
+    """True to scale the two other axes have no width, and the camera stands in what is drawn."""
+    assert aspect_of(np.array([[0.0, 200.0, 100.0], [400.0, 200.0, 100.0]])) == "cube"
+    assert aspect_of(np.array([[0.0, 0.0, 0.0], [400.0, 300.0, 100.0]])) == "data"
 
 
 def test_a_long_path_keeps_its_largest_error():

@@ -152,14 +152,11 @@ def _print_result(result: CircularTestResult, model: Path) -> None:
         say(f"{'measured run':<28}{'points':>8}{'measured G':>13}{'predicted G':>13}{'rms difference':>16}")
         for run in result.runs:
             say(
-                f"  {run.name + _SENSE[run.direction]:<26}{len(run.measured.angle_rad):>8}"
+                f"  {run.label:<26}{len(run.measured.angle_rad):>8}"
                 f"{run.measured.circular_deviation_mm * 1e3:>10.1f} µm"
                 f"{run.predicted.circular_deviation_mm * 1e3:>10.1f} µm"
                 f"{run.set_up.rms_mm * 1e3:>13.1f} µm"
             )
-
-
-_SENSE = {1: ", dir +1", -1: ", dir −1", 0: ""}
 
 
 def _um(trace: Trace) -> str:

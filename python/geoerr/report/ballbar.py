@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from geoerr.report.figures import circular_test
+from geoerr.report.figures.circle import is_of_no_errors
 from geoerr.report.page import Block, Figure, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
 from geoerr.verify.ballbar import CircularTestResult, Trace
@@ -25,7 +26,7 @@ def write_ballbar_report(path: str | Path, result: CircularTestResult, provenanc
         summary.append("That is a prediction; a measured circle proves the model (--trace).")
     for run in result.runs:
         summary.append(
-            f"Measured run {run.name}: {run.measured.circular_deviation_mm * _UM_PER_MM:.1f} µm, predicted "
+            f"Measured run {run.label}: {run.measured.circular_deviation_mm * _UM_PER_MM:.1f} µm, predicted "
             f"{run.predicted.circular_deviation_mm * _UM_PER_MM:.1f} µm; the two differ by "
             f"{run.set_up.rms_mm * _UM_PER_MM:.1f} µm rms round the circle."
         )
@@ -36,15 +37,9 @@ def write_ballbar_report(path: str | Path, result: CircularTestResult, provenanc
 
 def circular_test_blocks(result: CircularTestResult) -> tuple[Block, ...]:
     """Give figure and tables of a circular test, for a page of any kind."""
-    blocks: list[Block] = [
-        Figure(
-            circular_test(result),
-            "Radial deviation round the circle before and after compensation"
-            + (", with the measured runs" if result.runs else "")
-            + "; right: after compensation at its own scale",
-        ),
-        Table("Circular deviation G, µm", ("path", "before", "after"), _deviations(result)),
-    ]
+    blocks: list[Block] = [Figure(circular_test(result), _caption(result))]
+    if not is_of_no_errors(result):
+        blocks.append(Table("Circular deviation G, µm", ("path", "before", "after"), _deviations(result)))
     if result.runs:
         blocks.append(
             Table("Measured runs, µm", ("run", "points", "measured", "predicted", "rms difference"), _runs(result))
@@ -54,6 +49,16 @@ def circular_test_blocks(result: CircularTestResult) -> tuple[Block, ...]:
         rows = tuple((str(problem.row), problem.column, problem.problem) for problem in result.set_aside)
         blocks.append(Table("Rows set aside", ("row", "column", "reason"), rows))
     return tuple(blocks)
+
+
+def _caption(result: CircularTestResult) -> str:
+    if is_of_no_errors(result):
+        return "Radial deviation of the measured runs, each from its own least-squares circle."
+    return (
+        "Radial deviation round the circle before and after compensation"
+        + (", with the measured runs" if result.runs else "")
+        + "; right: after compensation at its own scale."
+    )
 
 
 def _deviations(result: CircularTestResult) -> tuple[tuple[str, ...], ...]:
@@ -69,7 +74,7 @@ def _deviations(result: CircularTestResult) -> tuple[tuple[str, ...], ...]:
 def _runs(result: CircularTestResult) -> tuple[tuple[str, ...], ...]:
     return tuple(
         (
-            run.name,
+            run.label,
             str(len(run.measured.angle_rad)),
             _um(run.measured),
             _um(run.predicted),

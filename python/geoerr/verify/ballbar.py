@@ -46,6 +46,7 @@ Numbers = npt.NDArray[np.float64]
 
 LI_CENTER_MM = (212.0, 270.0)
 LI_RADIUS_MM = 100.0
+_SENSE = {1: ", dir +1", -1: ", dir −1", 0: ""}
 N_POINTS = 720
 
 _UM_PER_MM = 1e3
@@ -130,6 +131,11 @@ class MeasuredRun:
     measured: Trace
     predicted: Trace
     set_up: SetUp
+
+    @property
+    def label(self) -> str:
+        """Name with the sense of the run: two runs at one feed differ in nothing else."""
+        return self.name + _SENSE[self.direction]
 
     def to_document(self) -> dict[str, Any]:
         """Give the comparison in µm."""

@@ -22,6 +22,7 @@ from geoerr.report.figures.regions import magnification_of_means
 from geoerr.report.figures.residuals import of_component
 from geoerr.report.figures.style import Numbers
 from geoerr.report.figures.volume import (
+    DIRECTIONS,
     Look,
     Volume,
     explained_strokes,
@@ -129,7 +130,7 @@ def _residuals(session: Session, seen: Seen, volume: Volume) -> Picture:
         else f"Dot size and colour: how far measured and predicted are apart, {len(volume.rows):,} rows."
     )
     if look == "direction":
-        caption += " Colour: where it points (hue in the XY plane; light +Z, dark −Z); clusters are no chance."
+        caption += f" Colour: where it points ({DIRECTIONS}); clusters are no chance."
     return Picture(residual_volume(volume, look), caption)
 
 

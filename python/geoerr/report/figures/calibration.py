@@ -39,7 +39,7 @@ def calibration_views(views: Sequence[CalibrationView]) -> go.Figure:
     ):
         figure.add_trace(
             go.Bar(
-                x=[view.name for view in used],
+                x=[style.plain(view.name) for view in used],
                 y=values,
                 name=label,
                 marker={"color": color},
@@ -48,7 +48,7 @@ def calibration_views(views: Sequence[CalibrationView]) -> go.Figure:
         )
     bottom_px = 90
     if dropped:
-        lines = [f"dropped: {view.name} ({view.why_dropped})" for view in dropped]
+        lines = [style.plain(f"dropped: {view.name} ({view.why_dropped})") for view in dropped]
         bottom_px += 16 * len(lines)
         figure.add_annotation(
             text="<br>".join(lines),

@@ -18,6 +18,12 @@ _SMALL_PX = 500
 _INWARD = 2.0
 # Where there is no deviation the rings are still ones that can be read.
 _LEAST_UM = 0.01
+# Measured runs beside before (vermillion) and after (blue), told apart in grey print too.
+_RUN_COLORS = (style.BLACK, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
+_RUN_SYMBOLS = ("circle", "diamond-open", "square", "triangle-up-open", "cross", "circle-open", "star")
+# A legend of runs: a line each below the plots, for in one row their names run into each other.
+_ENTRY_PX = 20
+_ABOVE_LEGEND_PX = 62
 
 # Name, trace, and how Plotly draws it.
 _Curve = tuple[str, Trace, dict[str, object]]
@@ -44,8 +50,14 @@ def circle(
         What the legend calls the first trace where nothing is compensated.
     """
     left: list[_Curve] = []
-    for name, trace in _measured_traces(measured):
-        left.append((name, trace, {"mode": "markers", "marker": {"size": 4, "color": style.MEASURED}}))
+    runs = _measured_traces(measured)
+    for number, (name, trace) in enumerate(runs):
+        marker = {
+            "size": 5,
+            "color": _RUN_COLORS[number % len(_RUN_COLORS)],
+            "symbol": _RUN_SYMBOLS[number % len(_RUN_SYMBOLS)],
+        }
+        left.append((name, trace, {"mode": "markers", "marker": marker}))
     left.append((name_before, trace_before, {"mode": "lines", "line": {"color": style.BEFORE, "width": 2}}))
     panels = [left]
     if trace_after is not None:
@@ -62,6 +74,7 @@ def circle(
         titles.append(f"<b>{name or name_before}</b>: rings {ring_um:g} µm apart")
     for column, title in enumerate(titles, start=1):
         _name_panel(figure, column, title)
+    below_px = _ENTRY_PX * len(left) if len(runs) > 1 else 0
     commanded = trace_before.circle
     place = ", ".join(f"{value:g}" for value in commanded.center_mm)
     style.finish(
@@ -69,18 +82,30 @@ def circle(
         "Circular test",
         f"radial deviation from the least-squares circle, µm; {commanded.plane} plane, "
         f"radius {commanded.radius_mm:g} mm, centre ({place}) mm; G = circular deviation (ISO 230-4)",
-        _HEIGHT_PX,
+        _HEIGHT_PX + below_px,
         above_plots_px=24,
-        bottom_px=70,
+        bottom_px=70 + below_px,
         legend=True,
     )
+    if below_px:
+        plots_px = _HEIGHT_PX - 70 - figure.layout.margin.t
+        legend = {"orientation": "v", "y": -_ABOVE_LEGEND_PX / plots_px, "yanchor": "top", "itemsizing": "constant"}
+        figure.update_layout(legend=legend)
     figure.update_layout(margin={"l": 50, "r": 50})
     return figure
 
 
 def circular_test(result: CircularTestResult) -> go.Figure:
-    """Draw a circular test: before and after compensation, and what was measured."""
+    """Draw a circular test: before and after compensation, and what was measured; of no errors the latter alone."""
+    if is_of_no_errors(result):
+        return circle(result.before[0], None, result.runs, name_before="machine without errors")
     return circle(result.before[0], result.after[0], result.runs or None)
+
+
+def is_of_no_errors(result: CircularTestResult) -> bool:
+    """Tell whether runs were measured and the model has nothing to say of them: a machine without errors."""
+    largest_mm = max(trace.circular_deviation_mm for trace in (*result.before, *result.after))
+    return bool(result.runs) and largest_mm * style.UM_PER_MM < _LEAST_UM
 
 
 def predicted_circles(pairs: Sequence[tuple[Trace, Trace]]) -> go.Figure:
@@ -142,7 +167,7 @@ def _measured_traces(measured: Trace | Sequence[MeasuredRun] | None) -> list[tup
         return []
     if isinstance(measured, Trace):
         return [("measured", measured)]
-    return [(f"measured {run.name}", run.measured) for run in measured]
+    return [(f"measured {run.label}", run.measured) for run in measured]
 
 
 def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve], *, names_deviation: bool = True) -> float:
@@ -166,14 +191,15 @@ def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve], *, nam
     )
     for name, trace, look in curves:
         angle, deviation = _closed(trace)
-        told = f", G = {style.text_um(trace.circular_deviation_mm * style.UM_PER_MM)}" if names_deviation else ""
+        deviation_um = style.text_um(trace.circular_deviation_mm * style.UM_PER_MM)
+        told = f", G = {deviation_um}".replace("= below", "below") if names_deviation else ""
         figure.add_trace(
             go.Scatterpolar(
                 theta=np.rad2deg(angle),
                 r=deviation * style.UM_PER_MM,
-                name=f"{name}{told}",
+                name=style.plain(f"{name}{told}"),
                 showlegend=column == 1,
-                hovertemplate="%{theta:.0f}°: %{r:.2f} µm<extra>" + name + "</extra>",
+                hovertemplate="%{theta:.0f}°: %{r:.2f} µm<extra>%{fullData.name}</extra>",
                 **look,
             ),
             row=1,
@@ -186,7 +212,7 @@ def _draw_panel(figure: go.Figure, column: int, curves: Sequence[_Curve], *, nam
         radialaxis={
             "range": [inner, outer],
             "tickvals": steps * ring_um,
-            "ticktext": [f"{step * ring_um:+g}".replace("-", "−").replace("+0", "0") for step in steps],
+            "ticktext": [f"{step * ring_um:+g}".replace("-", "−") if step else "0" for step in steps],
             "angle": 22.5,
             "tickfont": {"size": 11},
             "ticks": "",

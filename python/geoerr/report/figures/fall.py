@@ -51,7 +51,10 @@ def error_fall(stages: Sequence[Stage], *, is_numbered: bool = False) -> go.Figu
     is_numbered
         Whether their names begin with numbers already; otherwise they are counted here.
     """
-    names = [stage.name if is_numbered else f"{number}. {stage.name}" for number, stage in enumerate(stages, start=1)]
+    names = [
+        style.plain(stage.name if is_numbered else f"{number}. {stage.name}")
+        for number, stage in enumerate(stages, start=1)
+    ]
     noise_um = next((stage.noise_um for stage in reversed(stages) if stage.noise_um is not None), None)
     errors_um = [value for stage in stages for key, *_ in _BARS if (value := stage.figure(key)) is not None]
     scale = ErrorScale.of(errors_um, noise_um)

@@ -31,7 +31,7 @@ def measurement_residuals(observations: Observations, reprojection_px: npt.Array
         subplot_titles=["<b>Standard uncertainty of the points</b>", "<b>Reprojection error</b>"][: 1 + with_pixels],
     )
     covariance = observations.covariance_mm2
-    targets = np.array([name or "target" for name in observations.texts("target")])
+    targets = np.array([style.plain(name) or "target" for name in observations.texts("target")])
     if covariance is not None:
         deviations = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)) * style.UM_PER_MM
         for component, (name, color) in enumerate(

@@ -15,6 +15,8 @@ _COLUMNS = 2
 _ROW_PX, _OTHER_PX = 250, 60
 _TITLE_PX = 26
 _GAP_PX = 92
+# Of a name above a plot where the figure is as narrow as paper makes it; tables have all of it.
+_MOST_LETTERS = 58
 # Half the last digit that is printed.
 _LEAST_UM = 0.05
 
@@ -41,7 +43,7 @@ def positioning_curves(tests: Mapping[str, PositioningTest], title: str, subtitl
     figure = make_subplots(
         rows=rows,
         cols=columns,
-        subplot_titles=list(tests),
+        subplot_titles=[style.plain(name, _MOST_LETTERS) for name in tests],
         vertical_spacing=_GAP_PX / plots_px if rows > 1 else 0.0,
         horizontal_spacing=0.09,
     )

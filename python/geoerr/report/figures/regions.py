@@ -12,7 +12,7 @@ from geoerr.diagnose.regions import Region
 from geoerr.machine import AXES
 from geoerr.report.figures import style
 from geoerr.report.figures.style import Numbers
-from geoerr.report.figures.volume import VOLUME_PX, polyline
+from geoerr.report.figures.volume import VOLUME_PX, aspect_of, polyline
 
 # Share of a box's shortest edge that the longest mean is drawn as.
 _LARGEST_DRAWN = 0.45
@@ -93,6 +93,7 @@ def residual_of_regions(comparison: Comparison, *, exaggeration: float = 1.0) ->
         "Residual by region of the volume",
         f"stroke: mean, magnified {magnification:,.0f} times; cross: ± one standard deviation; colour: rms",
         VOLUME_PX,
+        aspect=aspect_of(np.array([corner for one in comparison.regions for corner in (one.low_mm, one.high_mm)])),
     )
 
 

@@ -36,6 +36,8 @@ _ROW_PX = 230
 _REGION_PX = 440
 _HISTOGRAM_PX = 400
 _MOST_BARS = 60
+# Height of a histogram that the curve of the noise may take, in heights of its highest bar.
+_MOST_NOISE = 2.0
 _MOST_TEXTS = 30
 _COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE, "length": style.SKY}
 
@@ -286,14 +288,15 @@ def residual_histogram(comparison: Comparison) -> go.Figure:
         is_own = component.name in AXES or len(components) == 1
         index = AXES.index(component.name) if component.name in AXES else 0
         sigma_um = float(np.sqrt(variance_mm2[index])) * style.UM_PER_MM if is_own else math.nan
+        highest = float(counts.max())
         if np.isfinite(sigma_um) and sigma_um > 0.0:
             reach = max(abs(low), abs(high), 3.0 * sigma_um)
-            at = np.linspace(-reach, reach, 201)
+            at = np.union1d(np.linspace(-reach, reach, 101), sigma_um * np.linspace(-4.0, 4.0, 101))
             density = np.exp(-0.5 * (at / sigma_um) ** 2) / (sigma_um * np.sqrt(2.0 * np.pi))
             figure.add_trace(
                 go.Scatter(
                     x=at,
-                    y=np.minimum(density * width * len(known), 2.0 * counts.max()),
+                    y=density * width * len(known),
                     mode="lines",
                     line={"color": style.BLACK, "width": 1.6},
                     name="noise floor (repeats)",
@@ -303,8 +306,11 @@ def residual_histogram(comparison: Comparison) -> go.Figure:
                 col=column,
             )
             has_noise = True
+            # A noise far below the residual is a needle: it leaves the plot at its top, and bars stay to be seen.
+            highest = max(highest, min(float(density.max()) * width * len(known), _MOST_NOISE * highest))
+        figure.update_yaxes(range=[0.0, 1.05 * highest], row=1, col=column)
         figure.update_xaxes(title_text=f"{_in_words(component)}, µm", row=1, col=column)
-    figure.update_yaxes(title_text="rows", rangemode="tozero", row=1, col=1)
+    figure.update_yaxes(title_text="rows", row=1, col=1)
     floor = fitted.repeats.floor_um
     said = (
         "nothing was measured twice under the same conditions: no noise floor"

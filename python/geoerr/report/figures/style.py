@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 
 import numpy as np
 import numpy.typing as npt
@@ -143,6 +144,12 @@ def finish(
         plot_px = height_px - top_px - bottom_px
         figure.update_layout(legend={"y": 1.0 + (above_plots_px + 2.0) / plot_px})
     return figure
+
+
+def plain(text: str, most: int | None = None) -> str:
+    """Give a text from a file for a figure: Plotly takes `<b>` and `&lt;` for mark-up. Of more letters the first."""
+    shown = text if most is None or len(text) <= most else f"{text[: most - 1].rstrip()}…"
+    return escape(shown, quote=False)
 
 
 def with_symbol(name: str) -> str:

@@ -23,6 +23,8 @@ MOST_POINTS = 20_000
 MOST_MARKED = 2_000
 # Share of the volume's diagonal that the largest residual is drawn as.
 _LARGEST_DRAWN = 0.12
+# What the hues of `direction_colors` stand for.
+DIRECTIONS = "red +X, lime +Y, cyan −X, violet −Y; light +Z, dark −Z"
 _TITLES = {
     "length": "Residual in the volume",
     "magnitude": "Size of the residual in the volume",
@@ -31,8 +33,10 @@ _TITLES = {
 _COLORED = {
     "length": "its length",
     "magnitude": "its length",
-    "direction": "its direction (hue: in the XY plane, light: +Z, dark: −Z)",
+    "direction": f"its direction ({DIRECTIONS})",
 }
+# Least span of an axis, as a share of the diagonal, that is still seen true to scale.
+_FLAT = 0.02
 # Size in pixels of the dot of the largest residual, and of the least.
 _DOT_PX = (2.0, 11.0)
 _HOVER = (
@@ -53,15 +57,12 @@ class Volume:
         Their places and residuals.
     magnification
         Of the residuals.
-    room_mm
-        Diagonal of the box of the places.
     """
 
     rows: npt.NDArray[np.int64]
     at_mm: Numbers
     error_mm: Numbers
     magnification: float
-    room_mm: float
 
     @property
     def length_um(self) -> Numbers:
@@ -89,7 +90,7 @@ def volume_of(comparison: Comparison, *, exaggeration: float = 1.0, most_points:
     diagonal = float(np.linalg.norm(np.ptp(at, axis=0))) if len(at) else 1.0
     room = diagonal if diagonal > 0.0 else 1.0
     factor = 1.0 if largest == 0.0 else max(style.round_down_125(_LARGEST_DRAWN * room / largest), 1.0)
-    return Volume(rows, at, error, style.exaggerated(factor, exaggeration), room)
+    return Volume(rows, at, error, style.exaggerated(factor, exaggeration))
 
 
 def places_mm(comparison: Comparison) -> Numbers:
@@ -103,14 +104,19 @@ def residual_volume(volume: Volume, look: Look) -> go.Figure:
     colors = _colors(volume, look)
     trace = _dots(volume, colors) if look == "magnitude" else _strokes(volume, colors)
     figure = go.Figure([trace, _places(volume)])
-    span = float(np.ptp(volume.at_mm, axis=0).min(initial=0.0)) if len(volume.rows) else 0.0
     return style.finish_volume(
         figure,
         _TITLES[look],
         f"{len(volume.rows)} rows; magnified {volume.magnification:,.0f} times; colour: {_COLORED[look]}",
         VOLUME_PX,
-        aspect="data" if span > 0.02 * volume.room_mm else "cube",
+        aspect=aspect_of(volume.at_mm),
     )
+
+
+def aspect_of(at_mm: Numbers) -> str:
+    """Give how axes are drawn about places (n, 3): true to scale, or a cube where all lie in a plane or on a line."""
+    spans = np.ptp(at_mm, axis=0) if len(at_mm) else np.zeros(3)
+    return "data" if spans.min() > _FLAT * float(np.linalg.norm(spans)) else "cube"
 
 
 def explained_strokes(volume: Volume, at_mm: Numbers, explained_um: Numbers | None) -> go.Scatter3d:
