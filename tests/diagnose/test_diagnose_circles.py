@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -147,6 +148,16 @@ def test_what_only_a_length_or_another_circle_tells_is_listed() -> None:
     scales = next(one for one in diagnosis.found if one.reference.effect == "scale-mismatch")
     assert {"scale:x", "scale:y"} <= {str(alias.reference) for alias in scales.aliases}
     assert diagnosis.verdict == "ambiguous"
+
+
+def test_a_cause_that_makes_up_for_another_is_said_to_leave_the_circle_worse_repaired_alone() -> None:
+    """Play and a lag of the other sign: taken away alone, play leaves more than there was."""
+    shares = [0.06, -0.02, 0.5]
+    causes = [replace(many().found[0], percent=100.0 * share) for share in shares]
+    cautious = [one.caution for one in causes]
+    assert [bool(said) for said in cautious] == [False, True, False]
+    assert "repaired alone" in causes[1].words()
+    assert "−2 % of the explainable" in causes[1].words()
 
 
 def test_document_and_words() -> None:

@@ -184,3 +184,15 @@ def test_letters_of_figures_can_be_read_on_paper(elements) -> None:
     letters_px = style.template().layout.font.size
     assert 0.75 * letters_px * sheet_px / narrowest_px >= 7.0
     assert "Plotly.relayout" in script.partition('addEventListener("beforeprint"')[0]
+
+
+def test_three_dimensional_pictures_are_photographed_for_paper(elements) -> None:
+    """A browser prints nothing of what the graphics card drew and showed; Plotly's scenes give it again, at once."""
+    script, look = elements.text["script"][-1], elements.text["style"][-1]
+    printing = script.partition('addEventListener("beforeprint"')[2].partition('addEventListener("afterprint"')
+    assert "photograph(plot)" in printing[0]
+    assert ".photograph" in printing[2]
+    assert 'scene.toImage("png")' in script
+    assert ".photograph { position: absolute" in look
+    # What the page asks of Plotly by a name that its makers may change.
+    assert re.search(r"\.toImage=function\(\w+\)\{[^}]{0,120}\.glplot\.redraw\(\)", get_plotlyjs())

@@ -7,7 +7,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from geoerr.budget import UncertaintyMap
+from geoerr.budget import UncertaintyMap, text
+from geoerr.budget.budget import Contribution
+from geoerr.report import budget_page
 from geoerr.report.figures import style, uncertainty_slices
 
 
@@ -61,3 +63,9 @@ def test_any_number_of_slices(n_slices: int) -> None:
     figure = uncertainty_slices(some_map(), n_slices)
     assert sum(trace.type == "heatmap" for trace in figure.data) == 3 * min(n_slices, 3)
     assert figure.to_json() == uncertainty_slices(some_map(), n_slices).to_json()
+
+
+def test_a_share_that_rounds_to_nothing_has_no_sign() -> None:
+    one = Contribution("pitch-yaw", np.array([1e-7, 1.0]), np.array([-1e-9, -0.003]))
+    assert [budget_page._share(one, place) for place in (0, 1)] == ["0.0", "−0.3"]
+    assert [text._share_of(one, [place]) for place in (0, 1)] == ["0.0 %", "−0.3 %"]

@@ -143,7 +143,8 @@ def _at_last(one: Contribution, shown: Sequence[int]) -> str:
 def _share_of(one: Contribution, shown: Sequence[int]) -> str:
     """Give the share of the variance at the last place shown."""
     share = one.share[shown[-1]] if shown else math.nan
-    return "" if math.isnan(share) else f"{100.0 * share:.1f} %".replace("-", "−")
+    # What rounds to 0 has no sign.
+    return "" if math.isnan(share) else f"{round(100.0 * float(share), 1) + 0.0:.1f} %".replace("-", "−")
 
 
 def _number(value: float) -> str:

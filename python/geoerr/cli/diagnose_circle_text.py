@@ -52,8 +52,10 @@ def _cause(cause: Cause, number: str) -> Iterator[str]:
     share = "" if cause.percent is None else f", {cause.percent:.0f} %".replace("-", "−")
     yield from wrapped(f"{number}{cause.reference}{share}: {cause.effect.title}")
     for reading in cause.readings:
-        yield from wrapped(reading.words().replace("-", "−"), "    ")
+        yield from wrapped(reading.words(), "    ")
     yield from wrapped(cause.worth_words, "    ")
+    if cause.caution:
+        yield from wrapped(cause.caution, "    ")
     yield from remedy_lines(cause, "the measuring device")
     yield from alias_lines(cause)
     if cause.separate_by is not None:

@@ -10,9 +10,9 @@ from geoerr.machine import AXES
 from geoerr.model.fit_words import NOT_SETTLED
 from geoerr.model.in_model import not_in_model_words
 from geoerr.report.figures import style, uncertainty_slices
-from geoerr.report.page import NOT_DETERMINED, Block, Figure, Paragraph, Section, Table, write_report
+from geoerr.report.page import NOT_DETERMINED, Block, Figure, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
-from geoerr.summaries import capitalised, listed
+from geoerr.summaries import capitalised, listed, number_text
 
 _PERCENT = 100.0
 # In any unit of the tables less than this is rounding.
@@ -72,7 +72,7 @@ def budget_sections(budget: Budget, volume: UncertaintyMap) -> list[Section]:
     ]
     if budget.stages:
         sections.append(Section("From the picture to the parameters", (_stages(budget),)))
-    sections.append(Section("Not counted", tuple(Paragraph(sentence) for sentence in budget.not_counted)))
+    sections.append(Section("Not counted", tuple(map(as_sentence, budget.not_counted))))
     return sections
 
 
@@ -128,7 +128,7 @@ def _stages(budget: Budget) -> Table:
 
 def _share(one: Contribution, place: int) -> str:
     share = float(one.share[place])
-    return NOT_DETERMINED if math.isnan(share) else f"{_PERCENT * share:.1f}"
+    return NOT_DETERMINED if math.isnan(share) else number_text(round(_PERCENT * share, 1) + 0.0, 1)
 
 
 def _number(value: float) -> str:

@@ -207,7 +207,7 @@ def _worst_table(comparison: Comparison, worst: Sequence[Mapping[str, Any]]) -> 
         kind = next((name for name, own in kinds.items() if own[row]), None)
         values = one["residual_um"]
         off.append(dict(zip(AXES, values, strict=True)) if kind is None else {kind: values[0]})
-    names = [name for name in (*AXES, *kinds) if any(name in own for own in off)]
+    names = [name for name in (*AXES, *kinds) if any(own.get(name) is not None for own in off)]
     rows = tuple(
         (
             str(one["line"]),

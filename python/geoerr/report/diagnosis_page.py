@@ -55,7 +55,7 @@ def circle_diagnosis_sentences(diagnosis: CircleDiagnosis) -> list[str]:
         f"That nothing is missing: {chance_words(diagnosis.p_value)}.",
         f"The trace is {style.text_um(shares.total**0.5)} rms, its causes {style.text_um(shares.explained**0.5)}, "
         f"unexplained {style.text_um(shares.rest**0.5)}, noise {style.text_um(diagnosis.noise_um)}.",
-        *diagnosis.notes,
+        *(as_sentence(note).text for note in diagnosis.notes),
     ]
 
 
@@ -86,8 +86,7 @@ def circle_diagnosis_sections(diagnosis: CircleDiagnosis) -> list[Section]:
     header = ("run", "plane", "sense", "feed, mm/min", "G (ISO 230-4), µm", "of the causes, µm", "rest, µm")
     sections.append(Section("Runs", (Table("Circular deviation", header, rows),)))
     if diagnosis.not_offered:
-        table = Table("Causes and why", ("cause", "why"), tuple(diagnosis.not_offered))
-        sections.append(Section("What was not looked for", (table,)))
+        sections.append(Section("What was not looked for", (_by_reason(diagnosis.not_offered),)))
     return sections
 
 

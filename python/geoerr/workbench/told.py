@@ -181,8 +181,10 @@ def _finding(one: Finding, rank: str, titles: Mapping[str, str]) -> Card:
 def _cause(number: int, one: Cause, diagnosis: CircleDiagnosis, titles: Mapping[str, str]) -> Card:
     share = "" if one.percent is None else f", {one.percent:.0f} % of what is more than noise".replace("-", "−")
     tied = diagnosis.tied_with(one)
-    said = [("Value", "; ".join(reading.words().replace("-", "−") for reading in one.readings))]
+    said = [("Value", "; ".join(reading.words() for reading in one.readings))]
     said.append(("Certainty", sure_words(one.p_value)))
+    if one.caution:
+        said.append(("Careful", one.caution))
     if tied:
         said.append(("These runs cannot tell it from", _names(tied, titles)))
     return Card(

@@ -46,6 +46,8 @@ _NEEDS = {
     "servo-mismatch": _INVISIBLE,
 }
 # What a circle cannot do, whatever the runs: a second measurement by the pair of what is to be told apart.
+# A part below 0 (`shares`): its trace points against the sum of all.
+_MAKES_UP = "it makes up for other causes: repaired alone, it leaves the circle worse than it is"
 _SENSES = Separation("both senses of a circle", "run the same circle clockwise and counter-clockwise", 5)
 _FEEDS = Separation("a second feed", "run the circle in both senses at a quarter of the feed", 10)
 _ELSEWHERE = Separation("a second circle", "run a circle of the same radius with its centre moved by half of it", 15)
@@ -108,12 +110,17 @@ class Cause(Named):
             return rms
         return f"{rms}, {self.peak_to_peak_um:.1f} ± {self.peak_to_peak_std_um:.1f} µm peak to peak"
 
+    @property
+    def caution(self) -> str:
+        """What is to be known before it is repaired; empty where nothing is."""
+        return _MAKES_UP if self.percent is not None and self.percent < 0.0 else ""
+
     def words(self) -> str:
         """Say in one sentence what it is, its values, its worth and how sure it is."""
         values = "; ".join(reading.words() for reading in self.readings)
         named = f"{self.effect.title} ({self.reference})" + (f": {values}" if values else "")
-        part = "" if self.percent is None else f", {self.percent:.0f} % of the explainable"
-        more = f". {capitalised(IN_MODEL)}" if self.in_model else ""
+        part = "" if self.percent is None else f", {self.percent:.0f} % of the explainable".replace("-", "−")
+        more = "".join(f". {capitalised(said)}" for said in (self.caution, IN_MODEL if self.in_model else "") if said)
         return f"{named}. {capitalised(self.worth_words)}{part}; {self.sure}{more}"
 
     def to_document(self) -> dict[str, Any]:

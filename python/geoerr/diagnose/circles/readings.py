@@ -44,7 +44,7 @@ class Reading:
             0 if self.std >= 10.0 else min(max(1 - math.floor(math.log10(self.std)), 0), 6) if self.std > 0 else 3
         )
         doubt = "" if self.says == BOUND else f" ± {self.std:.{digits}f}"
-        text = f"{self.value:+.{digits}f}{doubt} {self.unit}"
+        text = f"{self.value:+.{digits}f}".replace("-", "−") + f"{doubt} {self.unit}"
         if self.unit in ("mm", "mm/s", "Hz"):
             text = text.removeprefix("+")
         head = f"{self.what} {text}" if self.what else text

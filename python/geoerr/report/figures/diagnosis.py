@@ -151,7 +151,8 @@ def circle_causes(diagnosis: CircleDiagnosis) -> go.Figure:
         figure,
         "What the circles are off by",
         f"Part of the mean square that is more than noise ({style.text_um(diagnosis.noise_um)}). "
-        "Hatched: the measuring device's own.",
+        + ("Below 0: makes up for others. " if min(percents) < 0.0 else "")
+        + "Hatched: the measuring device's own.",
         style.HEADING_PX + _OTHER_PX + _ROW_PX * max(len(rows), 3),
     )
 
