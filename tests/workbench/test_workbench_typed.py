@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("dash")
 
-from workbench_scenes import loaded, settle, texts, write_scene
+from workbench_scenes import PROGRAM, loaded, settle, texts, write_scene
 
 from geoerr.errors import InputFileError
 from geoerr.machine import Axis, Machine
@@ -19,7 +19,7 @@ from geoerr.workbench import actions, wiring
 from geoerr.workbench.own_effect import OwnFormula, own_effect
 from geoerr.workbench.panel_missing import tried_value
 from geoerr.workbench.parts import problem
-from geoerr.workbench.program import work_offset_mm
+from geoerr.workbench.program import Wish, work_offset_mm
 from geoerr.workbench.server import begin_session
 from geoerr.workbench.session import Session
 from geoerr.workbench.typed import typed_number
@@ -71,6 +71,17 @@ def test_a_formula_of_a_column_has_its_value_and_one_name_everywhere(tmp_path: P
     settle(session)
     assert session.step.name == "+ bed-growth:y@temp_bed"
     assert session.step.name.removeprefix("+ ") in dict(session.step.effects)
+    # A program of another temperature is another program: the result says of which this one is.
+    actions.compensate(session, "part.gcode", PROGRAM, Wish({}))
+    settle(session)
+    told = texts(wiring.panels(session)["program"])
+    assert f"by the model “{session.step.name}”, at temp_bed 29.98 °C" in told
+    assert "Nobody stated temp_bed: it is the middle of what was measured." in told
+    actions.compensate(session, "part.gcode", PROGRAM, Wish({"temp_bed": "25"}))
+    settle(session)
+    told = texts(wiring.panels(session)["program"])
+    assert "at temp_bed 25 °C" in told
+    assert "Nobody stated" not in told
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,11 @@ from typing import Any
 
 from dash import dcc, html
 
+from geoerr.diagnose.labels import value_label
 from geoerr.errors import InputFileError
 from geoerr.model.program_conditions import needed_conditions
 from geoerr.report.figures import variable_label
-from geoerr.summaries import counted
+from geoerr.summaries import counted, listed
 from geoerr.workbench.actions import PROGRAM, REPORT
 from geoerr.workbench.page_words import HOLD, PASS, ZERO, on_the_page
 from geoerr.workbench.parts import STAYS, button, figure_row, problem, section, sentence, um, wrong_field
@@ -114,7 +115,8 @@ def program_result(session: Session) -> list[Any]:
     notes = [html.Li(sentence(on_the_page(one))) for one in result.notes]
     return [
         *parts,
-        html.P([html.B(corrected.name), f", by the model “{corrected.model_name}”"]),
+        html.P([html.B(corrected.name), f", by the model “{corrected.model_name}”{_at(corrected)}"]),
+        html.P(_assumed(corrected), className="why") if corrected.assumed else None,
         html.Table([html.Tbody(_figures(corrected))], className="figures pair"),
         None if corrected.has_path or corrected.left_because else html.P(_WITHOUT_PATH, className="why"),
         html.P(html.B(sentence(corrected.left_because)))
@@ -124,6 +126,17 @@ def program_result(session: Session) -> list[Any]:
         _folded(notes),
         _pictures(corrected) if corrected.has_path and not corrected.left_because else None,
     ]
+
+
+def _at(corrected: CorrectedProgram) -> str:
+    """Say at what the program was corrected: at another temperature it would be another program."""
+    told = [value_label(name, f"{value:g}") for name, value in corrected.conditions.items()]
+    return f", at {listed(told)}" if told else ""
+
+
+def _assumed(corrected: CorrectedProgram) -> str:
+    names = listed(corrected.assumed)
+    return f"Nobody stated {names}: it is the middle of what was measured. State it above, and correct again."
 
 
 def _figures(corrected: CorrectedProgram) -> list[Any]:

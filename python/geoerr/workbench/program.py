@@ -47,6 +47,10 @@ class CorrectedProgram:
         What was done to it, and how far the tool is from the programmed path.
     model_name
         The step whose model corrected it.
+    conditions
+        At which it was corrected: name to value.
+    assumed
+        Names of those that nobody typed: the middle of the data's span.
     left_because
         Why nothing of it was changed; empty where something was.
     """
@@ -56,6 +60,8 @@ class CorrectedProgram:
     result: CompensationResult
     trace: PathTrace
     model_name: str
+    conditions: Mapping[str, float]
+    assumed: tuple[str, ...]
     left_because: str = ""
 
     @property
@@ -98,7 +104,8 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
     GeoerrError
         as `compensate_program`, and for numbers that cannot be read.
     """
-    at: dict[str, npt.ArrayLike | str] = {**conditions_of(model, wish.conditions)}
+    conditions = conditions_of(model, wish.conditions)
+    at: dict[str, npt.ArrayLike | str] = {**conditions}
     offset = work_offset_mm(wish.work_offset) if wish.work_offset.strip() else None
     options = CompensationOptions(
         work_offset_mm=offset,
@@ -117,7 +124,8 @@ def correct(model: Model, model_name: str, name: str, content: bytes, wish: Wish
         trace = trace_paths(known, before, after, at=rest, work_offset_mm=offset)
         corrected = after.read_bytes()
     left_because = "" if corrected != content else _left_because(model, result)
-    return CorrectedProgram(name, corrected, result, trace, model_name, left_because)
+    assumed = tuple(one for one in conditions if typed_number(one, wish.conditions.get(one)) is None)
+    return CorrectedProgram(name, corrected, result, trace, model_name, conditions, assumed, left_because)
 
 
 def _left_because(model: Model, result: CompensationResult) -> str:
