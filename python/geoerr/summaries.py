@@ -88,8 +88,9 @@ def counted(count: int, what: str, *, grouped: bool = False) -> str:
 
 
 def capitalised(text: str) -> str:
-    """Begin a text with a capital, and leave the rest of it as it is."""
-    return text[:1].upper() + text[1:]
+    """Begin a text with a capital, and leave the rest of it as it is; the name of a column is written as it is."""
+    is_name = "_" in text.partition(" ")[0]
+    return text if is_name else text[:1].upper() + text[1:]
 
 
 def uncapitalised(text: str) -> str:

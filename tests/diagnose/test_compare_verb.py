@@ -109,6 +109,8 @@ def test_only_positions_are_drawn_in_the_volume(folder: Path) -> None:
     assert [trace.name for trace in drawn].count("residual") == 4
     # Nobody repeated a length: the noise of points is not theirs.
     assert "x4" not in [trace.xaxis for trace in drawn if trace.name == "noise floor (repeats)"]
+    # A length is no variable of its own residual.
+    assert not {"measured", "s_measured"} & {trend.variable for trend in comparison.trends}
     assert {trace.yaxis for trace in figures.residual_over(comparison, "temp_bed").data} == {"y", "y2", "y3"}
 
 

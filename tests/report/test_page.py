@@ -17,7 +17,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 
 from geoerr.report.figures import style
-from geoerr.report.page import Figure, Paragraph, Section, Table, render_report, write_report
+from geoerr.report.page import Figure, Paragraph, Section, Table, as_sentence, render_report, write_report
 from geoerr.report.provenance import Provenance, provenance_of_command
 
 HOSTILE = "</script><script>alert('1')</script> & \"quoted\" $plotly <b>"
@@ -184,6 +184,12 @@ def test_letters_of_figures_can_be_read_on_paper(elements) -> None:
     letters_px = style.template().layout.font.size
     assert 0.75 * letters_px * sheet_px / narrowest_px >= 7.0
     assert "Plotly.relayout" in script.partition('addEventListener("beforeprint"')[0]
+
+
+def test_a_note_is_a_sentence_and_a_column_keeps_its_name() -> None:
+    assert as_sentence("3 rows stand alone").text == "3 rows stand alone."
+    assert as_sentence("the tables are short").text == "The tables are short."
+    assert as_sentence("temp_bed is empty in 7 rows").text == "temp_bed is empty in 7 rows."
 
 
 def test_three_dimensional_pictures_are_photographed_for_paper(elements) -> None:
