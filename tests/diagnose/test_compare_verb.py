@@ -308,6 +308,17 @@ def test_opposite_directions_have_different_colours() -> None:
     assert direction_colors(np.zeros((1, 3)))[0].startswith("#")
 
 
+def test_a_direction_has_no_halves(folder: Path) -> None:
+    rows = pl.read_csv(folder / "points.csv")
+    rows = rows.with_columns(dir_x=pl.Series(np.tile([1, -1], 45)), dir_y=1, dir_z=1)
+    rows.write_csv(folder / "both.csv")
+    comparison = compare(Model(MACHINE), geoerr.read_observations(folder / "both.csv"))
+    figure = figures.residual_over(comparison, "d_x", color_by="d_x")
+    assert list(figure.layout.xaxis.tickvals) == [-1.0, 1.0]
+    assert list(figure.layout.coloraxis.colorbar.tickvals) == [-1.0, 1.0]
+    assert figures.residual_over(comparison, "temp_bed", color_by="temp_bed").layout.xaxis.tickvals is None
+
+
 def test_a_noise_far_below_the_residual_leaves_the_histogram_at_its_top() -> None:
     x = np.tile(np.linspace(0.0, 300.0, 60), 3)
     off = 5e-3 * np.sin(x / 20.0) + np.random.default_rng(3).normal(0.0, 1e-4, x.shape)

@@ -158,9 +158,27 @@ def test_an_empty_panel_says_why_in_its_own_place_and_has_no_scale():
         for axis in (name, one.yref.split()[0]):
             assert figure.layout[axis[0] + "axis" + axis[1:]].showticklabels is False
     assert [one.text for one in said.values()].count("<i>not in the model</i>") == 1
-    # Two lines of a reason fit below the heading of a low panel.
+    # Three lines of a reason fit below the heading of a low panel.
     long = next(one for one in said.values() if "EB0Z" in one.text)
-    assert (long.y, long.yanchor, long.text.count("<br>")) == (1.0, "top", 2)
+    assert (long.y, long.yanchor, long.text.count("<br>")) == (1.0, "top", 3)
+
+
+def test_what_a_prediction_takes_as_0_is_said_on_its_picture():
+    """One beam along x: what it says of the other axes would be a machine without errors."""
+    known = ErrorFunctions(
+        MACHINE,
+        {"EXX": some_errors().functions["EXX"]},
+        {},
+        "joint",
+        tuple(NotDetermined(name, "the axis never moved") for name in ("EYY", "EZZ")),
+    )
+    model = Model(MACHINE, known)
+    drawn = (model.plot_positioning(), model.plot_circles(), model.plot_diagonals(), model.plot_field())
+    for figure in drawn:
+        assert figure.layout.title.subtitle.text.endswith(
+            "; taken as 0: EYY, EZZ not determined, 18 not in the model"
+        )
+    assert "taken as 0" not in Model(MACHINE, some_errors()).plot_diagonals().layout.title.subtitle.text
 
 
 def test_a_band_is_no_row_of_points():

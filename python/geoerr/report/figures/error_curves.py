@@ -22,6 +22,8 @@ from geoerr.report.figures import style
 
 _HEIGHT_PX = 1240
 _SQUARENESS_ROW = 8
+# Letters of a line of a reason, which a panel of a figure as narrow as figures become holds.
+_LINE = 42
 
 
 def error_curves(
@@ -221,8 +223,7 @@ def _say_why(figure: go.Figure, row: int, column: int, reason: str | None, *, is
     """Say that a function is not in the model, or not determined, and why where that is known."""
     what = "not in the model" if is_absent else "not determined"
     is_squareness = row == _SQUARENESS_ROW
-    most_lines, width = (2, 56) if is_squareness else (3, 48)
-    why = textwrap.wrap("" if is_absent else reason or "", width, max_lines=most_lines, placeholder=" …")
+    why = textwrap.wrap("" if is_absent else reason or "", _LINE, max_lines=3, placeholder=" …")
     style.say_instead(figure, row, column, [f"<i>{what}</i>", *why], from_top=is_squareness)
 
 

@@ -39,6 +39,7 @@ _MOST_BARS = 60
 # Height of a histogram that the curve of the noise may take, in heights of its highest bar.
 _MOST_NOISE = 2.0
 _MOST_TEXTS = 30
+_MOST_WHOLE = 6
 _COLORS = {"x": style.BLUE, "y": style.ORANGE, "z": style.GREEN, "radius": style.PURPLE, "length": style.SKY}
 
 
@@ -137,6 +138,7 @@ def residual_against(
             )
         figure.update_yaxes(title_text=f"{_in_words(component)}, µm", row=row, col=1)
     figure.update_xaxes(title_text=_label(variable), row=len(components), col=1)
+    figure.update_xaxes(tickvals=_few_whole(values))
     if color_by is not None:
         bar = {"title": {"text": _label(color_by), "side": "right"}, "thickness": 14, **color_bar}
         figure.update_layout(coloraxis={"colorscale": "Viridis", "colorbar": bar})
@@ -357,10 +359,18 @@ def _numbers_of(fitted: Fitted, name: str, variables: Mapping[str, Numbers]) -> 
     return values
 
 
+def _few_whole(values: Numbers) -> list[float] | None:
+    """Give the values where they are few whole numbers: a direction has no half, and a repetition neither."""
+    found = np.unique(values[np.isfinite(values)])
+    is_few = 0 < len(found) <= _MOST_WHOLE and bool((found == np.round(found)).all())
+    return found.tolist() if is_few else None
+
+
 def _colors_of(fitted: Fitted, name: str) -> tuple[Numbers, dict[str, object]]:
     """Give the colour (n,) of each row, and what its bar shows: of texts each by name, in their order in the data."""
     if name not in _text_columns(fitted):
-        return _numbers_of(fitted, name, variables_of(fitted)), {}
+        values = _numbers_of(fitted, name, variables_of(fitted))
+        return values, {"tickvals": _few_whole(values)}
     texts = fitted.sightings.texts(name)
     places = {text: place for place, text in enumerate(dict.fromkeys(texts))}
     if len(places) > _MOST_TEXTS:
