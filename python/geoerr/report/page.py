@@ -6,6 +6,7 @@ input gives the same bytes.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -181,7 +182,10 @@ def _table(table: Table) -> str:
     )
     rows = "\n".join(
         "<tr>"
-        + "".join(f"<td{style}>{escape(cell)}</td>" for cell, style in zip(row, classes, strict=True))
+        + "".join(
+            f"<td{style}>{escape(_with_minus(cell) if kind == 'number' else cell)}</td>"
+            for cell, kind, style in zip(row, kinds, classes, strict=True)
+        )
         + "</tr>"
         for row in table.rows
     )
@@ -201,6 +205,11 @@ def _kind(cells: Sequence[str]) -> str:
 
 def _looks_numeric(cell: str) -> bool:
     return not cell or cell in (NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN) or cell[0] in "0123456789+-−–±."
+
+
+def _with_minus(cell: str) -> str:
+    """Set the sign of numbers as one: a hyphen is shorter, and `-4 – -2` no range. Powers of ten stay as typed."""
+    return re.sub(r"(?<![\w.])-(?=[\d.])", "−", cell)
 
 
 def _inputs(provenance: Provenance) -> str:
