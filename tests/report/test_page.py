@@ -187,10 +187,13 @@ def test_letters_of_figures_can_be_read_on_paper(elements) -> None:
 
 
 def test_numbers_in_tables_have_the_sign_of_figures() -> None:
-    table = Table("t", ("from – to", "p", "line"), (("-4 – -2.5", "1e-300", "x-2"), ("-0.5 – 4", "-", "y")))
+    table = Table(
+        "t", ("from – to", "p", "line"), (("-4 – -2.5", "1e-300", "x-2"), ("-0.5 – 4", "not computable", "y"))
+    )
     page = render_report("t", [], [Section("s", (table,))], Provenance("1", "c", ()))
-    for cell in ("−4 – −2.5", "−0.5 – 4", "1e-300", "x-2"):
-        assert f">{cell}</td>" in page
+    for cell in ("−4 – −2.5", "−0.5 – 4", "1e-300", "not computable"):
+        assert f'<td class="number">{cell}</td>' in page
+    assert ">x-2</td>" in page
 
 
 def test_a_note_is_a_sentence_and_a_column_keeps_its_name() -> None:

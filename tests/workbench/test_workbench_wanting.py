@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -61,3 +63,10 @@ def test_of_lengths_alone_the_page_says_what_they_tell_and_what_not(tmp_path: Pa
     _, history = told.split("Models so far")
     assert "Residual, µm" in history
     assert residual in history
+
+
+def test_the_head_of_the_page_wraps_where_the_window_is_narrow() -> None:
+    """Name, links and what is under way in one row were wider than a phone, which then showed all of it smaller."""
+    look = (resources.files("geoerr.workbench") / "assets" / "workbench.css").read_text(encoding="utf-8")
+    narrow = look.partition("@media (max-width: 1100px)")[2]
+    assert re.search(r"header \{[^}]*flex-wrap: wrap", narrow)

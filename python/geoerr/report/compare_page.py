@@ -12,7 +12,18 @@ from geoerr.diagnose.components import LENGTH, RADIUS, is_circle, is_length
 from geoerr.diagnose.spread_trends import spreads_to_tell
 from geoerr.machine import AXES
 from geoerr.report.figures import residual_of_regions, residuals, style, variable_label
-from geoerr.report.page import Block, Figure, Maker, Paragraph, Progress, Section, Table, made, write_report
+from geoerr.report.page import (
+    NOT_COMPUTABLE,
+    Block,
+    Figure,
+    Maker,
+    Paragraph,
+    Progress,
+    Section,
+    Table,
+    made,
+    write_report,
+)
 from geoerr.report.provenance import Provenance
 from geoerr.summaries import capitalised, p_text
 
@@ -61,7 +72,7 @@ def comparison_sentences(comparison: Comparison, document: Mapping[str, Any]) ->
     sentences = [_FREEDOM[comparison.freedom], f"Residual {style.text_um(comparison.rmse_um)} rms."]
     for name, key in (("Held out", "held_out_rmse_um"), ("Noise floor", "noise_floor_um")):
         value = document[key]
-        sentences.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
+        sentences.append(f"{name}: {NOT_COMPUTABLE if value is None else style.text_um(value)}.")
     return sentences
 
 

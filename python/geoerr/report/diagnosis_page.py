@@ -12,7 +12,7 @@ from geoerr.diagnose.words import chance_words
 from geoerr.effects import Effect
 from geoerr.report.figures import diagnosis as figures
 from geoerr.report.figures import style
-from geoerr.report.page import Block, Figure, Paragraph, Section, Table, as_sentence, write_report
+from geoerr.report.page import NOT_COMPUTABLE, Block, Figure, Paragraph, Section, Table, as_sentence, write_report
 from geoerr.report.provenance import Provenance
 from geoerr.summaries import by_reason, capitalised, p_text
 
@@ -33,7 +33,7 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     if chance not in sentence:
         sentences.append(f"That nothing is missing: {chance}.")
     for name, value in (("Held out", diagnosis.held_out_rmse_um), ("Noise floor", diagnosis.noise_floor_um)):
-        sentences.append(f"{name}: {'not computable' if value is None else style.text_um(value)}.")
+        sentences.append(f"{name}: {NOT_COMPUTABLE if value is None else style.text_um(value)}.")
     if any(finding.is_rig for finding in diagnosis.found):
         sentences.append("An error of the cameras is explained, and never compensated in a program.")
     sentences += [f"{capitalised(note)}." for note in diagnosis.notes]

@@ -13,7 +13,7 @@ from geoerr.model import Model
 from geoerr.model.effect_values import effect_values
 from geoerr.model.fit_words import FIGURES, fit_sentences
 from geoerr.observations import PIXELS
-from geoerr.report.page import Block, Paragraph, Table, as_sentence
+from geoerr.report.page import NOT_COMPUTABLE, Block, Paragraph, Table, as_sentence
 
 _FRAMES = {
     "free": "any pose, fitted",
@@ -109,7 +109,7 @@ def record_blocks(model: Model) -> tuple[Block, ...]:
     ]
     blocks += map(as_sentence, fit_sentences(record.figures, record.noise))
     rows = tuple(
-        (words, "not computable" if math.isnan(record.figures[name]) else f"{record.figures[name]:.2f}")
+        (words, NOT_COMPUTABLE if math.isnan(record.figures[name]) else f"{record.figures[name]:.2f}")
         for name, words in FIGURES.items()
         if name in record.figures
     )

@@ -28,6 +28,7 @@ from geoerr.report.figures import error_curves, error_fall, error_field, style
 from geoerr.report.machine_blocks import data_blocks, effect_blocks, machine_blocks, record_blocks
 from geoerr.report.model_report import ModelReport, Stated, model_report
 from geoerr.report.page import (
+    NOT_COMPUTABLE,
     Block,
     Figure,
     Maker,
@@ -283,5 +284,5 @@ def _left_out(report: ModelReport) -> tuple[Block, ...]:
 
 
 def _change(before: float | None, after: float | None) -> str:
-    texts = ["not computable" if value is None or math.isnan(value) else f"{value:.2f}" for value in (before, after)]
+    texts = [NOT_COMPUTABLE if value is None or math.isnan(value) else f"{value:.2f}" for value in (before, after)]
     return " → ".join(texts)

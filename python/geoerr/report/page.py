@@ -24,6 +24,8 @@ from geoerr.summaries import capitalised
 
 # What stands in a number's place; the column stays one of numbers.
 NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN = "not determined", "not in the model", "not known"
+NOT_COMPUTABLE = "not computable"
+_NO_NUMBERS = (NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN, NOT_COMPUTABLE)
 
 # Letters of the longest cell of a column: up to so many a name, which does not break; from so many on sentences.
 _NAME, _SENTENCE = 20, 60
@@ -204,7 +206,7 @@ def _kind(cells: Sequence[str]) -> str:
 
 
 def _looks_numeric(cell: str) -> bool:
-    return not cell or cell in (NOT_DETERMINED, NOT_IN_MODEL, NOT_KNOWN) or cell[0] in "0123456789+-−–±."
+    return not cell or cell in _NO_NUMBERS or cell[0] in "0123456789+-−–±."
 
 
 def _with_minus(cell: str) -> str:
