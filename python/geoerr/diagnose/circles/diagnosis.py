@@ -45,9 +45,9 @@ _NEEDS = {
     "radial-shrink": "needs two feeds in one set-up (same session and line): the radius of each set-up is free",
     "servo-mismatch": _INVISIBLE,
 }
-# What a circle cannot do, whatever the runs: a second measurement by the pair of what is to be told apart.
 # A part below 0 (`shares`): its trace points against the sum of all.
 _MAKES_UP = "it makes up for other causes: repaired alone, it leaves the circle worse than it is"
+# What a circle cannot do, whatever the runs: a second measurement by the pair of what is to be told apart.
 _SENSES = Separation("both senses of a circle", "run the same circle clockwise and counter-clockwise", 5)
 _FEEDS = Separation("a second feed", "run the circle in both senses at a quarter of the feed", 10)
 _ELSEWHERE = Separation("a second circle", "run a circle of the same radius with its centre moved by half of it", 15)
