@@ -38,8 +38,8 @@ _SIGNIFICANCE = 0.01
 _N_SHARED = 9
 # Numbers of columns that are made at once, or to which the noise is fitted: 50 MB.
 _MOST_NUMBERS = 6_000_000
-# Blocks whose shared offsets are multiplied at once.
-_BLOCKS_AT_ONCE = 2048
+# Blocks of which each is held against each; those before reach them as one.
+_BLOCKS_AT_ONCE = 256
 # Blocks of a session to whose rows the noise is fitted: that costs their cube. Every so manieth pass stands for all.
 _MOST_BLOCKS = 320
 # Steps to the scatter of rows that share nothing: but for what the columns take of it, the first is exact.
@@ -152,22 +152,39 @@ def _moved(noise: NoiseModel, by_block: Numbers) -> Numbers:
     """Give the root (r, r) of Σ_c σ_c² (A_c R)ᵀ Z C_c Zᵀ (A_c R), what the offsets of all blocks move."""
     covariance = np.zeros((by_block.shape[2],) * 2)
     for component in range(3):
+        offset, drift, memory = (float(one[component]) for one in (noise.offset, noise.drift, noise.memory))
         for own in noise.blocks.slices:
             moved = by_block[component, own]
-            shared = np.zeros_like(moved)
-            for first in range(0, len(moved), _BLOCKS_AT_ONCE):
-                some = slice(first, first + _BLOCKS_AT_ONCE)
-                shared[some] = _shared_offsets(noise, component, own, some) @ moved
-            covariance += noise.sigma[component] ** 2 * moved.T @ shared
+            shared = offset**2 * _by_offsets(moved, noise.blocks.pass_number[own])
+            shared += drift**2 * _by_drift(moved, noise.blocks.time[own] / memory)
+            covariance += noise.sigma[component] ** 2 * shared
     return root_of(covariance)
 
 
-def _shared_offsets(noise: NoiseModel, component: int, own: slice, some: slice) -> Numbers:
-    """Give C of some blocks of a session and all of them, in units of σ²."""
-    number, time = noise.blocks.pass_number[own], noise.blocks.time[own]
-    offset, drift, memory = (float(one[component]) for one in (noise.offset, noise.drift, noise.memory))
-    apart = np.abs(time[some, None] - time[None, :])
-    return np.asarray(offset**2 * (number[some, None] == number[None, :]) + drift**2 * np.exp(-apart / memory))
+def _by_offsets(moved: Numbers, pass_number: np.ndarray) -> Numbers:
+    """Give Mᵀ [same pass] M of what blocks move, M (k, r): products of each pass's sums."""
+    order = np.argsort(pass_number, kind="stable")
+    _, starts = np.unique(pass_number[order], return_index=True)
+    of_passes = np.add.reduceat(moved[order], starts, axis=0)
+    return np.asarray(of_passes.T @ of_passes)
+
+
+def _by_drift(moved: Numbers, time: Numbers) -> Numbers:
+    """Give Mᵀ exp(−|t − t'|) M of what blocks move, M (k, r), at times (k,) that rise, in units of the memory.
+
+    What is before a stretch of blocks reaches all of it through its first time: each pair once, at a cost that grows
+    with k and not with its square.
+    """
+    covariance = np.zeros((moved.shape[1],) * 2)
+    # What all blocks before have left, as the last of them has it.
+    left, last = np.zeros(moved.shape[1]), -np.inf
+    for first in range(0, len(moved), _BLOCKS_AT_ONCE):
+        own, at = moved[first : first + _BLOCKS_AT_ONCE], time[first : first + _BLOCKS_AT_ONCE]
+        covariance += own.T @ (np.exp(-np.abs(at[:, None] - at[None, :])) @ own)
+        across = np.outer(np.exp(last - at) @ own, left)
+        covariance += across + across.T
+        left, last = np.exp(last - at[-1]) * left + np.exp(at - at[-1]) @ own, float(at[-1])
+    return covariance
 
 
 def _counted(fitted: Fitted, noise: NoiseModel, grams: Numbers, by_block: Numbers) -> Fitted:
