@@ -38,6 +38,13 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+def put(files: dict[str, bytes], folder: Path) -> None:
+    """Write files by name below a folder."""
+    for name, content in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+
+
 def write_farm(folder: Path) -> Path:
     """Four machines, the last of which has two programs."""
     for number in range(4):

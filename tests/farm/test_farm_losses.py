@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_farm import RECIPE, contents
+from small_farm import RECIPE, contents, put
 
 import geoerr
 from geoerr.farm.engine import finished_here
@@ -85,6 +85,30 @@ def test_a_pool_that_breaks_is_an_outcome_for_what_it_had(farm: Path, right_byte
     assert any("its process died" in text for text in told)
     assert all("\nhint: " in text for text in told)
     assert contents(farm.parent / "out").items() <= right_bytes.items()
+
+
+@pytest.mark.parametrize("executor", ["", ", executor=ProcessPoolExecutor(2, get_context('spawn'))"])
+def test_processes_of_an_unguarded_script_do_not_call_again(
+    farm: Path, right_bytes: dict[str, bytes], executor: str
+) -> None:
+    """Each made the call anew as it began, took its jobs for lost, and removed what the first call had written."""
+    out, script = farm.parent / "out", farm.parent / "unguarded.py"
+    put(right_bytes, out)
+    script.write_text(
+        "from concurrent.futures import ProcessPoolExecutor\nfrom multiprocessing import get_context\nimport geoerr\n"
+        f"geoerr.run_farm({str(farm)!r}, {str(out)!r}{executor})\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False, timeout=60)
+    assert "a process that was started for a farm loads the script and calls it again\n" in done.stderr
+    assert "bootstrapping" not in done.stderr + done.stdout
+    # Where the processes are the call's own, it ends with that; a given pool's are its owner's business.
+    if not executor:
+        assert contents(out) == right_bytes
+        assert done.returncode == 1
+        assert done.stderr.splitlines()[-2:] == [
+            "geoerr.errors.GeoerrError: processes for a farm end as they begin",
+            'hint: in a script, put the call behind `if __name__ == "__main__":`',
+        ]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be held back there")

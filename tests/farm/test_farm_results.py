@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_farm import RECIPE, contents
+from small_farm import RECIPE, contents, put
 
 import geoerr
 from geoerr.compensate.mark import name_of_model
@@ -174,12 +174,6 @@ def test_a_file_where_results_would_stand_is_told(farm: Path) -> None:
     assert told.startswith(f"{farm.parent / 'out/mill-1'}: no folder for results can be made: ")
     assert "remove the file in its place" in told
     assert written["mill-1"] == b"notes"
-
-
-def put(files: dict[str, bytes], folder: Path) -> None:
-    for name, content in files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
 
 
 def test_results_of_an_earlier_run_do_not_stand_beside_a_failure(farm: Path, right_bytes: dict[str, bytes]) -> None:

@@ -10,16 +10,19 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing import current_process, get_context
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
 
+from geoerr.errors import GeoerrError
 from geoerr.farm.job import Job, work
 from geoerr.farm.outcome import StepResult
 
 # What jobs under way may carry, all together: a farm of any size fits a caller's memory.
 MOST_CARRIED_BYTES = 1 << 30
+
+_GUARD = 'hint: in a script, put the call behind `if __name__ == "__main__":`'
 
 # What became of a job: its results, or why there are none.
 Finished = list[StepResult] | BaseException
@@ -102,6 +105,11 @@ def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job
 
     A process that dies takes the pool and all that it had along. Those jobs are done again, one at a time in a
     process of their own, so that only the one that kills its process is lost; the others go on in a new pool.
+
+    Raises
+    ------
+    GeoerrError
+        where processes end before they have a job.
     """
     n_workers = n_workers or _cores()
     waiting = iter(jobs)
@@ -115,7 +123,33 @@ def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job
                     yield job, finished
         if not lost:
             return
+        _refuse_where_none_begins()
         yield from _one_at_a_time(lost)
+
+
+def refuse_while_beginning() -> None:
+    """Refuse a call by a process that is only being started.
+
+    It loads the script of who started it, and makes the call in it where nothing keeps it from that. It would find no
+    process for its jobs, take all for lost, and remove the results that the first call writes meanwhile.
+
+    Raises
+    ------
+    GeoerrError
+        in such a process.
+    """
+    # As `multiprocessing.spawn` tells it itself, which has no public name for it.
+    if getattr(current_process(), "_inheriting", False):
+        raise GeoerrError(f"a process that was started for a farm loads the script and calls it again\n{_GUARD}")
+
+
+def _refuse_where_none_begins() -> None:
+    """Refuse to go on where a process ends before it has a job, as of a script that begins anew in each."""
+    with _pool(1) as pool:
+        try:
+            pool.submit(_cores).result()
+        except BrokenExecutor as error:
+            raise GeoerrError(f"processes for a farm end as they begin\n{_GUARD}") from error
 
 
 def _one_at_a_time(jobs: list[Job]) -> Iterator[tuple[Job, Finished]]:

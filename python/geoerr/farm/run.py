@@ -10,7 +10,7 @@ from typing import NoReturn
 
 from geoerr.compensate.mark import is_corrected_by, name_of_content
 from geoerr.errors import GeoerrError, InputFileError
-from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here
+from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here, refuse_while_beginning
 from geoerr.farm.folders import INPUTS, MODELS, FarmFolder, bytes_of, machine_paths, name_of, programs_in, read_folder
 from geoerr.farm.job import Job
 from geoerr.farm.outcome import Farm, Outcome, StepResult
@@ -62,7 +62,10 @@ def run_farm(
     ------
     InputFileError
         where there is no farm, two machines have the same name, or a result would replace an input.
+    GeoerrError
+        where a script calls it not behind `if __name__ == "__main__":`, and processes that load it would again.
     """
+    refuse_while_beginning()
     run = _Run(Path(output), recipe or Recipe(), executor, workers, on_progress)
     return run.farm(_paths(machines, Path(output)))
 
