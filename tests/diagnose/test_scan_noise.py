@@ -124,6 +124,8 @@ def test_the_fit_has_the_same_bytes_for_any_number_of_threads() -> None:
     one, two = (fit_noise(sums.blocks, weights, residual, basis, threads=threads) for threads in (1, 2))
     assert one.logs.tobytes() == two.logs.tobytes()
     assert one.log_likelihood == two.log_likelihood
+    # What is whitened by it is by as many: it was by all cores.
+    assert (one.threads, two.threads) == (1, 2)
 
 
 def test_without_drift_offsets_and_scatter_stay() -> None:

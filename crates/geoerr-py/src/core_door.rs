@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::OnceLock;
 
 use geoerr_core::least_squares::clear_wide_registers;
 use pyo3::marker::Ungil;
@@ -25,6 +26,9 @@ thread_local! {
     static KEPT: RefCell<Option<Kept>> = const { RefCell::new(None) };
 }
 
+/// The process that has Rayon's own threads, which work where no number is asked for: the first that asked for none.
+static OWNER_OF_ALL_CORES: OnceLock<u32> = OnceLock::new();
+
 /// Runs `work` with the interpreter released, on at most `threads` threads, and [`MOST_THREADS`] (0 = all cores).
 ///
 /// Results never depend on `threads`: the core splits work into fixed blocks and joins them in order.
@@ -37,12 +41,18 @@ where
     // NumPy may have multiplied matrices on this thread.
     clear_wide_registers();
     let outcome = py.detach(|| -> Result<Result<T, E>, CoreError> {
-        if threads == 0 {
+        if threads == 0 && is_owner_of_all_cores() {
             return Ok(work());
         }
         Ok(pool_of(threads.min(MOST_THREADS))?.install(work))
     });
     outcome.map_err(PyErr::from)?.map_err(|error| PyErr::from(error.into()))
+}
+
+/// Whether Rayon's own threads are this process's: in a fork of one that had them nobody would ever do the work.
+fn is_owner_of_all_cores() -> bool {
+    let process = std::process::id();
+    *OWNER_OF_ALL_CORES.get_or_init(|| process) == process
 }
 
 /// The pool of the caller's last call, or a new one where that had another number of threads.

@@ -198,7 +198,7 @@ def seen(space: Space, raw: Numbers) -> Seen:
     """Whiten columns (n, 3, k), and multiply them with the model's basis."""
     whitened = space.noise.whiten(raw).reshape(-1, raw.shape[2])
     basis = space.basis.reshape(len(whitened), -1)
-    return Seen(whitened, _core.products_of_columns(basis, whitened, 0).T)
+    return Seen(whitened, _core.products_of_columns(basis, whitened, space.noise.threads).T)
 
 
 def off_model(space: Space, raw: Numbers) -> Numbers:

@@ -137,6 +137,8 @@ class NoiseModel:
         What an offset of one unit does to each number.
     log_likelihood
         Of the data, restricted or not as it was asked for.
+    threads
+        That work with it; 0 for all cores.
     """
 
     blocks: Blocks
@@ -146,6 +148,7 @@ class NoiseModel:
     memory: Numbers
     weights: Numbers
     log_likelihood: float
+    threads: int = 0
 
     @cached_property
     def whitening(self) -> _core.NoiseWhitening:
@@ -154,15 +157,15 @@ class NoiseModel:
 
     def whiten(self, values: Numbers) -> Numbers:
         """Apply V^(-1/2) to values (n, 3) or (n, 3, m)."""
-        return self.whitening.whiten(_wide(values), 0).reshape(values.shape)
+        return self.whitening.whiten(_wide(values), self.threads).reshape(values.shape)
 
     def whiten_transposed(self, values: Numbers) -> Numbers:
         """Apply the transpose of V^(-1/2) to values (n, 3) or (n, 3, m)."""
-        return self.whitening.whiten_transposed(_wide(values), 0).reshape(values.shape)
+        return self.whitening.whiten_transposed(_wide(values), self.threads).reshape(values.shape)
 
     def unwhiten(self, values: Numbers) -> Numbers:
         """Undo `whiten` for values (n, 3) or (n, 3, m)."""
-        return self.whitening.unwhiten(_wide(values), 0).reshape(values.shape)
+        return self.whitening.unwhiten(_wide(values), self.threads).reshape(values.shape)
 
     def take_off(self, drawn: np.ndarray, basis: Numbers, *, size: float = 1.0, threads: int = 0) -> None:
         """Take off whitened draws (n, 3, n_draws), in place, what a fit is free to do, and whiten each by its noise.
@@ -231,7 +234,8 @@ class NoiseSums:
         used = np.array(self._core.is_used)
         sigma, offset, drift = np.where(used, np.exp(0.5 * logs[:, :3].T), np.array([[1.0], [0.0], [0.0]]))
         memory = np.where(used, np.exp(logs[:, 3]), 1.0)
-        return NoiseModel(self.blocks, sigma, offset, drift, memory, self.weights, -0.5 * minus_twice)
+        log_likelihood = -0.5 * minus_twice
+        return NoiseModel(self.blocks, sigma, offset, drift, memory, self.weights, log_likelihood, self.threads)
 
     def minus_twice_log_likelihood(self, logs: Numbers, *, restricted: bool = True) -> tuple[float, Numbers]:
         """Give −2 ln L, but for a constant, and its gradient.
