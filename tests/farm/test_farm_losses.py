@@ -19,7 +19,7 @@ import pytest
 from small_farm import RECIPE, contents, put
 
 import geoerr
-from geoerr.farm.engine import finished_here
+from geoerr.farm.engine import _pool, finished_here
 from geoerr.farm.job import Job, work
 
 pytestmark = pytest.mark.timeout(120)
@@ -160,6 +160,48 @@ def test_an_odd_future_is_one_failure(farm: Path, fill: Callable[[Future[Any]], 
     failed, good = done.outcomes
     assert why in str(failed.error)
     assert (good.machine, good.error) == ("mill-1", None)
+
+
+def test_libraries_of_a_process_have_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On 16 cores each of 16 processes had 72 threads."""
+    names = ("OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS", "RAYON_NUM_THREADS")
+    monkeypatch.setenv("RAYON_NUM_THREADS", "16")
+    monkeypatch.delenv("POLARS_MAX_THREADS", raising=False)
+    with _pool(1) as pool:
+        assert [pool.submit(os.getenv, name).result() for name in names] == ["1"] * 3
+    assert os.environ["RAYON_NUM_THREADS"] == "16"
+    assert "POLARS_MAX_THREADS" not in os.environ
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is forked")
+def test_a_pool_of_forks_is_refused_where_it_would_hang(farm: Path) -> None:
+    """After a table was read, as in a notebook, its processes waited for ever for threads that a fork has not."""
+    geoerr.read_observations(farm / "mill-0/observations.csv")
+    with (
+        ProcessPoolExecutor(1, mp_context=get_context("fork")) as pool,
+        pytest.raises(geoerr.GeoerrError, match=r"has read tables.*\nhint: .*get_context\(\"spawn\"\)"),
+    ):
+        geoerr.run_farm(farm, farm.parent / "out", RECIPE, executor=pool)
+    assert not (farm.parent / "out").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is forked")
+@pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
+def test_the_core_works_in_a_fork_of_a_process_whose_cores_it_had() -> None:
+    """Where no number of threads was asked for, it waited for ever for those of the first process."""
+    script = """
+import os, signal
+import numpy as np
+from geoerr.geometry import fit_lines
+points, starts = np.random.default_rng(0).normal(size=(500_000, 3)), np.arange(10_000) * 50
+first = fit_lines(points, starts).direction
+if (child := os.fork()) == 0:
+    signal.alarm(20)
+    os._exit(0 if (fit_lines(points, starts).direction == first).all() else 1)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "0\n"
 
 
 def test_another_version_is_refused_by_the_worker() -> None:

@@ -8,9 +8,10 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import current_process, get_context
+from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol
@@ -22,6 +23,8 @@ from geoerr.farm.outcome import StepResult
 # What jobs under way may carry, all together: a farm of any size fits a caller's memory.
 MOST_CARRIED_BYTES = 1 << 30
 
+# Settings of libraries, as the environment has them.
+_ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1", "RAYON_NUM_THREADS": "1"}
 _GUARD = 'hint: in a script, put the call behind `if __name__ == "__main__":`'
 
 # What became of a job: its results, or why there are none.
@@ -143,6 +146,37 @@ def refuse_while_beginning() -> None:
         raise GeoerrError(f"a process that was started for a farm loads the script and calls it again\n{_GUARD}")
 
 
+def refuse_to_fork(executor: FarmExecutor | None) -> None:
+    """Refuse a pool that would fork this process after tables were read in it: its jobs would wait for ever.
+
+    Polars reads with threads of its own, and no fork has the threads of who was forked.
+
+    Raises
+    ------
+    GeoerrError
+        for such a pool.
+    """
+    context = getattr(executor, "_mp_context", None)
+    # Processes that there are already are forks of what was before.
+    if context is None or getattr(executor, "_processes", None):
+        return
+    if context.get_start_method() == "fork" and _has_threads_of_polars():
+        raise GeoerrError(
+            "the executor would fork a process that has read tables: in its processes reading one waits for ever\n"
+            'hint: ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")), or no executor'
+        )
+
+
+def _has_threads_of_polars() -> bool:
+    """Say whether there are any, as Linux names them; elsewhere nothing is forked that is not asked to be."""
+    names = []
+    for path in Path("/proc/self/task").glob("*/comm"):
+        # A thread may end meanwhile.
+        with suppress(OSError):
+            names.append(path.read_text())
+    return any(name.startswith("polars") for name in names)
+
+
 def _refuse_where_none_begins() -> None:
     """Refuse to go on where a process ends before it has a job, as of a script that begins anew in each."""
     with _pool(1) as pool:
@@ -213,18 +247,30 @@ def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
     """Open a pool whose processes begin anew: threads of libraries do not survive a fork."""
     # What a process that is killed was working with goes with its pool.
     with TemporaryDirectory(prefix="geoerr-farm-") as folder:
-        before = os.environ.get("OPENBLAS_NUM_THREADS")
-        # Read by NumPy when a process loads it: a pool of threads in each would take the cores from the others.
-        os.environ["OPENBLAS_NUM_THREADS"] = "1"
         pool = _Pool(n_workers, mp_context=get_context("spawn"), initializer=_keep_files_in, initargs=(folder,))
-        try:
-            yield pool
-        finally:
-            pool.shutdown(cancel_futures=True)
-            if before is None:
-                del os.environ["OPENBLAS_NUM_THREADS"]
+        with _of_one_thread():
+            try:
+                yield pool
+            finally:
+                pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _of_one_thread() -> Iterator[None]:
+    """Have libraries of processes that begin meanwhile work on one thread: pools in each take the others' cores.
+
+    Read by NumPy and Polars as a process loads them, and by the core where nothing else says how many.
+    """
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
             else:
-                os.environ["OPENBLAS_NUM_THREADS"] = before
+                os.environ[name] = value
 
 
 def _keep_files_in(folder: str) -> None:

@@ -68,6 +68,12 @@ def name_of(path: Path) -> str:
     return Path(os.path.abspath(path)).name
 
 
+def resolved(path: Path) -> Path:
+    """Give a path with its links followed; links that lead round to each other are left, and end nothing."""
+    # `Path.resolve` refuses those, some versions of Python with a RuntimeError.
+    return Path(os.path.realpath(path))
+
+
 def bytes_of(files: Mapping[str, Path]) -> dict[str, bytes]:
     """Give the bytes of files; refuse one that cannot be read by its name."""
     carried = {}
@@ -128,11 +134,11 @@ def programs_in(path: Path) -> tuple[str, ...]:
 
 def _files_below(path: Path, around: tuple[Path, ...] = ()) -> Iterator[Path]:
     """Give the files in a folder and in those in it; a link that leads back, to a folder around it, has no others."""
-    around = (*around, path.resolve())
+    around = (*around, resolved(path))
     for one in _listed(path):
         if _is_file(one):
             yield one
-        elif one.is_dir() and not any(outer.is_relative_to(one.resolve()) for outer in around):
+        elif one.is_dir() and not any(outer.is_relative_to(resolved(one)) for outer in around):
             yield from _files_below(one, around)
 
 
@@ -167,7 +173,7 @@ def machine_paths(farm: Path, results: Path) -> list[Path]:
         return [farm]
     there = (one for one in _listed(farm) if one.is_dir() or _is_dangling(one))
     found = sorted(one for one in there if not one.name.startswith("."))
-    found = [one for one in found if one.resolve() != results.resolve() or any(own.is_file() for own in _listed(one))]
+    found = [one for one in found if resolved(one) != resolved(results) or any(own.is_file() for own in _listed(one))]
     if not found:
         raise InputFileError(farm, "holds no folders of machines", remedy="make one for each machine")
     return found

@@ -72,8 +72,10 @@ class Farm:
     @property
     def by_machine(self) -> dict[str, tuple[Outcome, ...]]:
         """The outcomes of each machine."""
-        names = dict.fromkeys(one.machine for one in self.outcomes)
-        return {name: tuple(one for one in self.outcomes if one.machine == name) for name in names}
+        found: dict[str, list[Outcome]] = {}
+        for one in self.outcomes:
+            found.setdefault(one.machine, []).append(one)
+        return {name: tuple(outcomes) for name, outcomes in found.items()}
 
     def to_document(self) -> dict[str, Any]:
         """Give it as plain values, for `--json`."""

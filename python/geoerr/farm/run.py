@@ -10,8 +10,25 @@ from typing import NoReturn
 
 from geoerr.compensate.mark import is_corrected_by, name_of_content
 from geoerr.errors import GeoerrError, InputFileError
-from geoerr.farm.engine import FarmExecutor, Finished, finished_by, finished_here, refuse_while_beginning
-from geoerr.farm.folders import INPUTS, MODELS, FarmFolder, bytes_of, machine_paths, name_of, programs_in, read_folder
+from geoerr.farm.engine import (
+    FarmExecutor,
+    Finished,
+    finished_by,
+    finished_here,
+    refuse_to_fork,
+    refuse_while_beginning,
+)
+from geoerr.farm.folders import (
+    INPUTS,
+    MODELS,
+    FarmFolder,
+    bytes_of,
+    machine_paths,
+    name_of,
+    programs_in,
+    read_folder,
+    resolved,
+)
 from geoerr.farm.job import Job
 from geoerr.farm.outcome import Farm, Outcome, StepResult
 from geoerr.farm.recipe import STEPS, Recipe, Step, results_of
@@ -63,9 +80,11 @@ def run_farm(
     InputFileError
         where there is no farm, two machines have the same name, or a result would replace an input.
     GeoerrError
-        where a script calls it not behind `if __name__ == "__main__":`, and processes that load it would again.
+        where a script calls it not behind `if __name__ == "__main__":`, and processes that load it would again;
+        for a pool that would fork a process in which tables were read.
     """
     refuse_while_beginning()
+    refuse_to_fork(executor)
     run = _Run(Path(output), recipe or Recipe(), executor, workers, on_progress)
     return run.farm(_paths(machines, Path(output)))
 
@@ -115,10 +134,10 @@ class _Run:
                     path, f"has the name of {names[name]}", remedy="results go by the folder's name: rename one"
                 )
             names[name] = path
-        machines = {path.resolve() for path in paths}
-        results = {(self.output / name).resolve() for name in names}
+        machines = {resolved(path) for path in paths}
+        results = {resolved(self.output / name) for name in names}
         # Below a machine's own folder nothing is read but programs: results may stand in one of their own there.
-        read_below = {folder.resolve() for path in paths for folder in self._program_folders(path)} - machines
+        read_below = {resolved(folder) for path in paths for folder in self._program_folders(path)} - machines
         if results & machines:
             _refuse_among_inputs(self.output)
         for folder, others in [*((one, read_below) for one in results), *((one, results) for one in machines)]:
@@ -193,7 +212,7 @@ class _Run:
             failed = [Outcome(folder.name, steps[0], program, error=str(error))]
             self._ended(folder.name, program, failed, results_of(steps, files, program))
             return
-        session = str(folder.path.resolve()) if steps[0] == "measure" else None
+        session = str(resolved(folder.path)) if steps[0] == "measure" else None
         yield Job(folder.name, str(folder.path), steps, self.recipe, carried, program, session)
 
     def _do(self, jobs: Iterator[Job]) -> None:
