@@ -58,6 +58,13 @@ _END_MM = 1e-3
 _MOVE = re.compile(r"^G[01] (.*)$", re.MULTILINE)
 
 
+def why_left_out() -> str:
+    """Say why no program can be rewritten, and what to do; nothing where it can."""
+    if BINARY.exists():
+        return ""
+    return f"{BINARY} is not there: cargo build --release -p geoerr-bench --bin {BINARY.name}"
+
+
 def bent() -> Model:
     """Make the machine anew."""
     machine = Machine("bench", "wZbXYt", {axis: Axis(RANGE_MM) for axis in AXES})

@@ -289,6 +289,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="few sizes and rounds")
     parser.add_argument("--to", type=Path, default=FOLDER, help="folder of RESULTS.md and cost.svg")
     arguments = parser.parse_args()
+    arguments.to.mkdir(parents=True, exist_ok=True)
     seconds = 0.2 if arguments.quick else 2.0
     powers = (3, 5) if arguments.quick else (3, 4, 5, 6)
     sections: dict[str, str] = {}
@@ -308,7 +309,10 @@ def main() -> None:
     sections["Markers"], rows = markers.measure(seconds)
     summary.extend(rows)
     print(sections["Markers"], flush=True)
-    if programs.BINARY.exists():
+    if programs.why_left_out():
+        sections["G-code"] = f"Left out: {programs.why_left_out()}\n"
+        print(sections["G-code"], file=sys.stderr, flush=True)
+    else:
         keep("G-code", programs.measure((1, 10) if arguments.quick else (1, 10, 100), 1 if arguments.quick else 5))
     if not arguments.quick:
         for title, (script, options, note) in OTHERS.items():

@@ -296,6 +296,10 @@ def main() -> None:
     if arguments.take:
         take(arguments.take[0], int(arguments.take[1]))
         return
+    # Now, and not when all the others have been measured.
+    if GCODE in arguments.path and programs.why_left_out():
+        parser.error(f"{GCODE}: {programs.why_left_out()}\nor name the other paths with --path")
+    arguments.to.mkdir(parents=True, exist_ok=True)
     heads = ["path", "size", "CPU s", "each", "memory, MB", "cost ~ size^", "memory ~ size^"]
     body, left_out, costs = [], [], []
     for name in arguments.path:

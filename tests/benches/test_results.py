@@ -107,3 +107,32 @@ def test_what_a_written_program_misses_is_measured(bench: ModuleType) -> None:
 
 def written(places: np.ndarray) -> str:
     return "".join(f"G1 X{x:.9f} Y{y:.9f} Z{z:.9f} E.1\n" for x, y, z in places)
+
+
+def test_a_program_that_was_not_built_is_told_before_anything_is_measured(
+    bench: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The last path of half an hour ended with a FileNotFoundError, and nothing was written of the others."""
+    scaling, programs = importlib.import_module("scaling"), importlib.import_module("programs")
+    monkeypatch.setattr(programs, "BINARY", tmp_path / "gcode_stream")
+    monkeypatch.setattr(scaling, "SETTINGS", {})
+    monkeypatch.setattr(scaling, "all_taken", lambda name, sizes: pytest.fail(f"{name} is measured"))
+    monkeypatch.setattr(sys, "argv", ["scaling.py", "--to", str(tmp_path)])
+    with pytest.raises(SystemExit):
+        scaling.main()
+    assert "cargo build --release -p geoerr-bench --bin gcode_stream" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_not_there_is_made(
+    bench: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It was missed when all had been measured."""
+    scaling = importlib.import_module("scaling")
+    taken = [scaling.Taken(10**power, 1e-6 * 3**power, 1.0, 1.0) for power in (1, 2)]
+    monkeypatch.setattr(scaling, "SETTINGS", {})
+    monkeypatch.setattr(scaling, "all_taken", lambda name, sizes: (taken, ""))
+    monkeypatch.setattr(
+        sys, "argv", ["scaling.py", "--path", "lines of 50 points", "--to", str(tmp_path / "new" / "er")]
+    )
+    scaling.main()
+    assert "| lines of 50 points | 100 |" in (tmp_path / "new" / "er" / "SCALING.md").read_text()
