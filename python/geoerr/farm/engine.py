@@ -214,11 +214,11 @@ def _until(waiting: Iterator[Job], lost: list[Job]) -> Iterator[Job]:
 
 
 class _Pool(ProcessPoolExecutor):
-    """Processes that Ctrl-C reaches in a job only: one that loads its libraries, or waits, has nothing to say."""
+    """Processes of one thread, which Ctrl-C reaches in a job only: one that loads libraries has nothing to say."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Take a call; a process that begins for it inherits what is held back."""
-        with _interrupts(held_back=True):
+        with _interrupts(held_back=True), _of_one_thread():
             return super().submit(_interruptible, fn, *args, **kwargs)
 
 
@@ -248,18 +248,18 @@ def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
     # What a process that is killed was working with goes with its pool.
     with TemporaryDirectory(prefix="geoerr-farm-") as folder:
         pool = _Pool(n_workers, mp_context=get_context("spawn"), initializer=_keep_files_in, initargs=(folder,))
-        with _of_one_thread():
-            try:
-                yield pool
-            finally:
-                pool.shutdown(cancel_futures=True)
+        try:
+            yield pool
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 @contextmanager
 def _of_one_thread() -> Iterator[None]:
     """Have libraries of processes that begin meanwhile work on one thread: pools in each take the others' cores.
 
-    Read by NumPy and Polars as a process loads them, and by the core where nothing else says how many.
+    Read by NumPy and Polars as a process loads them, and by the core where nothing else says how many. No longer than
+    that: what the caller itself begins to work with is not to be held to one.
     """
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(_ONE_THREAD)
