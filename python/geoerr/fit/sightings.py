@@ -143,15 +143,22 @@ class Sightings(KeepsWorkedOut):
     def __len__(self) -> int:
         return len(self.commanded_mm)
 
-    @cached_property
+    @property
     def unwhitening(self) -> Numbers:
-        """Pseudo-inverses of W, (n, 3, 3): from numbers of unit variance to mm; most rows have one and the same."""
+        """Pseudo-inverses of W, (n, 3, 3): from numbers of unit variance to mm."""
+        different, number = self._unwhitenings
+        return np.asarray(different[number])
+
+    @cached_property
+    def _unwhitenings(self) -> tuple[Numbers, npt.NDArray[np.int32]]:
+        """The different ones, (k, 3, 3), and the number of each row's: most rows have one and the same."""
         flat = self.whitening.reshape(len(self), 9)
         # Rows that stand together mostly have the same, so that the first of each run is enough to sort.
         begins = np.ones(len(flat), dtype=bool)
         begins[1:] = (flat[1:] != flat[:-1]).any(axis=1)
         alike, place = np.unique(flat[begins], axis=0, return_inverse=True)
-        return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3))[place.ravel()[np.cumsum(begins) - 1]])
+        number = place.ravel().astype(np.int32)[np.cumsum(begins, dtype=np.int32) - 1]
+        return np.asarray(np.linalg.pinv(alike.reshape(-1, 3, 3)), dtype=np.float64), number
 
     def of_kind(self, *kinds: str, rows: np.ndarray | slice = slice(None)) -> npt.NDArray[np.bool_]:
         """Tell which rows (n,), or which of some of them, are of sessions of these kinds."""

@@ -62,12 +62,11 @@ pub(super) fn channel_values_of_bases(
     let expression_rows = rows.expression_rows(&views);
     let channels = model.channels().to_vec();
     let parts: Vec<_> = model.parts().collect();
-    let of_bases = sums_of_bases(model, shared, rows, coefficients);
-    let values = channels
-        .par_iter()
-        .enumerate()
-        .map(|(place, channel)| {
-            let mut sum = of_bases.iter().map(|block| block[place].as_slice()).collect::<Vec<_>>().concat();
+    let values = sums_of_bases(model, shared, rows, coefficients);
+    let values = values
+        .into_par_iter()
+        .zip(&channels)
+        .map(|(mut sum, channel)| {
             let mut scratch = Vec::new();
             for (term, part) in parts.iter().filter(|(_, part)| part.channel == *channel) {
                 let Shape::Expression { expression, coefficients: places, inner: inner_places } = &part.shape
@@ -91,16 +90,26 @@ pub(super) fn channel_values_of_bases(
     Ok(ChannelValues { channels, values })
 }
 
-/// What the parts that are bases give to every channel, by blocks of rows.
+/// What the parts that are bases give to every channel, at all rows.
 fn sums_of_bases(
     model: &VolumetricModel,
     shared: &SharedBases,
     rows: &Rows,
     coefficients: &[f64],
-) -> Vec<Vec<Vec<f64>>> {
-    let of_block = |places: &[usize]| {
-        let at_rows = shared.at_rows(places, &rows.q_mm);
-        let mut sums = vec![vec![0.0; places.len()]; model.channels().len()];
+) -> Vec<Vec<f64>> {
+    let mut values = vec![vec![0.0; rows.len()]; model.channels().len()];
+    // In place: of many rows a second copy would be the largest thing that a fit holds.
+    let mut blocks: Vec<Vec<&mut [f64]>> = Vec::new();
+    blocks.resize_with(rows.len().div_ceil(BLOCK_ROWS), Vec::new);
+    for channel in &mut values {
+        for (block, sums) in blocks.iter_mut().zip(channel.chunks_mut(BLOCK_ROWS)) {
+            block.push(sums);
+        }
+    }
+    blocks.into_par_iter().enumerate().for_each(|(number, mut sums)| {
+        let first_row = number * BLOCK_ROWS;
+        let places: Vec<usize> = (first_row..rows.len().min(first_row + BLOCK_ROWS)).collect();
+        let at_rows = shared.at_rows(&places, &rows.q_mm);
         for (number, (term, part)) in model.parts().enumerate() {
             let is_own = |channel: &Channel| *channel == part.channel;
             let (Shape::Basis { .. }, Some(place)) = (&part.shape, model.channels().iter().position(is_own))
@@ -108,15 +117,14 @@ fn sums_of_bases(
                 continue;
             };
             let (basis, own) = (shared.of_part(number), &coefficients[model.first_coefficient(term)..]);
-            for (at, (total, &row)) in sums[place].iter_mut().zip(places).enumerate() {
+            for (at, (total, &row)) in sums[place].iter_mut().zip(&places).enumerate() {
                 let (first, functions) = at_rows.of(basis, row, at);
                 let value: f64 = functions.iter().zip(&own[first..]).map(|(f, c)| f * c).sum();
                 *total += part.factor * value;
             }
         }
-        sums
-    };
-    (0..rows.len()).collect::<Vec<_>>().par_chunks(BLOCK_ROWS).map(of_block).collect()
+    });
+    values
 }
 
 /// Displacement of every row's point, actual minus nominal, by the exact chain and without the rig, mm.
