@@ -416,6 +416,7 @@ class ProgramReader:
     def _take(self, statement: Statement) -> Move | None:
         if self._is_lost_by(statement):
             return None
+        statement = _without_unit(statement)
         match statement.kind:
             case Kind.STILL:
                 pass
@@ -499,16 +500,11 @@ class ProgramReader:
             self._forget()
 
     def _is_lost_by(self, statement: Statement) -> bool:
-        """Lose track, or the place, by a line that says what nobody knows; tell whether it is one."""
-        unit_mm = _unit_or_cycle_mm(statement)
-        if self._ends_here(statement) or unit_mm not in (None, self._modes.unit_mm):
+        """Lose track by a line that says what nobody knows; tell whether it is one."""
+        is_lost = self._ends_here(statement) or _unit_or_cycle_mm(statement) not in (None, self._modes.unit_mm)
+        if is_lost:
             self._lose()
-            return True
-        if unit_mm is not None:
-            # What it says of units holds already: if it is a cycle, it ends anywhere.
-            self._forget()
-            self._pass_over()
-        return unit_mm is not None
+        return is_lost
 
     def _program_number(self) -> None:
         """Take the number of the program; another one begins another program."""
@@ -1114,6 +1110,13 @@ def _unit_or_cycle_mm(statement: Statement) -> float | None:
     """Give the unit of G70 or G71 without words of a cycle, to Siemens' and Heidenhain's controls; else None."""
     units_mm = [unit_mm for code, unit_mm in ((70.0, 25.4), (71.0, 1.0)) if code in statement.codes]
     return units_mm[0] if units_mm and not _CYCLE_WORDS & (statement.words or {}).keys() else None
+
+
+def _without_unit(statement: Statement) -> Statement:
+    """Leave out G70 and G71 where they tell a unit, which holds already."""
+    if _unit_or_cycle_mm(statement) is None:
+        return statement
+    return replace(statement, codes=tuple(code for code in statement.codes if code not in (70.0, 71.0)))
 
 
 def _moves_besides(code: float, statement: Statement, words: dict[bytes, float | None]) -> bool:

@@ -110,6 +110,8 @@ pub struct Line {
     pub is_block_skip: bool,
     /// Whether it ends with a checksum, `*71`.
     pub has_checksum: bool,
+    /// Whether that is a `*` alone, which ends the blocks of Heidenhain's ISO.
+    pub has_bare_star: bool,
     /// Whether it names a parameter outside a word's value: `#1=2`.
     pub has_parameter: bool,
     /// Byte from which nothing could be read.
@@ -184,8 +186,9 @@ impl Line {
                     None => return self.give_up(at),
                 },
                 b'*' => {
-                    self.has_checksum = true;
-                    let behind = at + 1 + body[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+                    let n_digits = body[at + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+                    (self.has_checksum, self.has_bare_star) = (true, n_digits == 0);
+                    let behind = at + 1 + n_digits;
                     // A checksum ends its line.
                     if !matches!(body.get(blanks(body, behind)), None | Some(b';' | b'(')) {
                         return self.give_up(at);

@@ -29,13 +29,11 @@ pub enum Unsupported {
         /// Code.
         code10: u32,
     },
-    /// `G70`, `G71` without words of a cycle.
+    /// `G70`, `G71` without words of a cycle, where another unit holds.
     #[error("{} is {} for some controls and a canned cycle for others", code(.code10), if *.code10 == 700 { "inches" } else { "millimetres" })]
     UnitOrCycle {
         /// Code.
         code10: u32,
-        /// Whether another unit holds.
-        changes_unit: bool,
     },
     /// `G33`.
     #[error("a thread ({}) ties the axes to the spindle", code(.code10))]
@@ -199,6 +197,14 @@ pub enum Unsupported {
     /// A line with a checksum that would change.
     #[error("the line has a checksum, and correcting it would make the checksum wrong")]
     Checksum,
+    /// `N10 G01 X+5 *`.
+    #[error(
+        "the line ends with *, as in the ISO programs of Heidenhain's controls, whose codes mean other things"
+    )]
+    BlockEnd,
+    /// `1 L X+5 R0`, `0 BEGIN PGM PART MM`.
+    #[error("a block of Heidenhain's plain text, which is no G-code")]
+    PlainText,
     /// A move that must be split and whose `E` is read differently.
     #[error("the move must be split, and firmwares differ on whether its E is a position or an increment")]
     ExtruderMode,
@@ -272,8 +278,10 @@ impl Unsupported {
             Self::CannedCycle { .. } => {
                 "let the CAM write the cycle out as straight moves, or use --on-unsupported pass"
             }
-            Self::UnitOrCycle { code10: 700, .. } => "write G20 where inches are meant",
-            Self::UnitOrCycle { .. } => "write G21 where millimetres are meant",
+            Self::UnitOrCycle { code10: 700 } => {
+                "write G20 where inches are meant (G700 for Siemens' controls, which then has feeds in inches, too)"
+            }
+            Self::UnitOrCycle { .. } => "write G21 where millimetres are meant (G710 for Siemens' controls)",
             Self::Thread { .. } | Self::Probing { .. } | Self::ExtraAxis { .. } => {
                 "such a line can only pass through untouched: --on-unsupported pass"
             }
@@ -317,6 +325,9 @@ impl Unsupported {
             Self::Checksum => {
                 "strip line numbers and checksums; the host adds them when it sends the program"
             }
+            Self::BlockEnd | Self::PlainText => {
+                "such programs are not corrected: let the CAM write G-code if the control can run it (as Fanuc's or Siemens' controls have it)"
+            }
             Self::ExtruderMode => "name the firmware: --firmware marlin, klipper or reprapfirmware",
             Self::ExtruderLost => "write G92 E0 behind the change of the tool, or use M83",
             Self::StopOnMove { .. } => "write it on a line of its own behind the move",
@@ -342,6 +353,7 @@ impl Unsupported {
             | Self::ExtruderMode
             | Self::ExtruderLost
             | Self::StopOnMove { .. }
+            | Self::BlockEnd
             | Self::Checksum => After::AtItsEnd,
             Self::CannedCycle { .. }
             | Self::Probing { .. }
@@ -355,12 +367,12 @@ impl Unsupported {
             | Self::MachinePlaceByM { .. }
             | Self::OddWord { .. }
             | Self::Unreadable { .. }
+            | Self::PlainText
             | Self::NoMotionCode
             | Self::TwoMotionCodes
             | Self::MoveBesides { .. }
             | Self::BlockSkip
             | Self::AxisWordsOfM { .. }
-            | Self::UnitOrCycle { changes_unit: false, .. }
             | Self::UnknownCode { .. } => After::Somewhere,
             Self::ToolPoint { .. }
             | Self::OtherToolLength { .. }
@@ -372,7 +384,7 @@ impl Unsupported {
             | Self::HomingAfterShift => After::ZeroLost,
             Self::FlowControl
             | Self::BlockSkipOfMode
-            | Self::UnitOrCycle { changes_unit: true, .. }
+            | Self::UnitOrCycle { .. }
             | Self::OtherMeaning
             | Self::CodeBehindName { .. }
             | Self::RestoredState

@@ -17,7 +17,7 @@ fn reason(program: &str) -> Unsupported {
 #[test]
 fn every_unsupported_line_has_its_reason() {
     let here = "G1 X0 Y0 Z0\n";
-    let cases: [(&str, Unsupported); 170] = [
+    let cases: [(&str, Unsupported); 173] = [
         ("G2 X10 I5", Unsupported::Arc { code10: 20 }),
         ("g03 x10 r5", Unsupported::Arc { code10: 30 }),
         ("G2 I5", Unsupported::Arc { code10: 20 }),
@@ -138,9 +138,9 @@ fn every_unsupported_line_has_its_reason() {
         ("G17 G54 D1\nG90 D2", Unsupported::OtherEdge { number: 2 }),
         ("G0 Z5 D1\nG0 G40 Z6 D2", Unsupported::OtherEdge { number: 2 }),
         // Inches to Siemens' and Heidenhain's controls, and a cycle to others.
-        ("G70 G90 G54", Unsupported::UnitOrCycle { code10: 700, changes_unit: true }),
-        ("G71", Unsupported::UnitOrCycle { code10: 710, changes_unit: false }),
-        ("G71 G1 X5 D1", Unsupported::UnitOrCycle { code10: 710, changes_unit: false }),
+        ("G70 G90 G54", Unsupported::UnitOrCycle { code10: 700 }),
+        ("G20\nG71", Unsupported::UnitOrCycle { code10: 710 }),
+        ("G20\nG71 G1 X5 D1", Unsupported::UnitOrCycle { code10: 710 }),
         ("G70 P10 Q20", Unsupported::CannedCycle { code10: 700 }),
         ("G71 U2 R1", Unsupported::CannedCycle { code10: 710 }),
         ("G3 Z0.6 I1.217 J0 P1", Unsupported::Helix { code10: 30 }),
@@ -203,7 +203,10 @@ fn every_unsupported_line_has_its_reason() {
         ("G12.1", Unsupported::Transformed { code10: 121 }),
         ("G112", Unsupported::Transformed { code10: 1120 }),
         ("G500", Unsupported::UnknownSystem { code10: 5000 }),
-        ("1 L X+10 Y+10 Z+50 R0 FMAX", Unsupported::Unreadable { column: 1 }),
+        ("1 L X+10 Y+10 Z+50 R0 FMAX", Unsupported::PlainText),
+        ("0 BEGIN PGM PART MM", Unsupported::PlainText),
+        ("G01 X+5 Y+5 F500 *", Unsupported::BlockEnd),
+        ("G1 X5*71", Unsupported::Checksum),
         ("G1234 X5", Unsupported::UnknownCode { code10: 12340 }),
     ];
     for (program, expected) in cases {
@@ -381,6 +384,15 @@ fn behind_what_may_be_inches_nothing_is_corrected() {
     let refused = run(scaled(), options(), program).unwrap_err();
     assert!(refused.to_string().contains("G70 is inches for some controls and a canned cycle for others"));
     assert!(refused.remedy().contains("G20"));
+}
+
+#[test]
+fn millimetres_where_millimetres_hold_are_no_matter() {
+    for program in ["G17 G54 G64 G90 G71 G94\nG1 X0 Y0 Z0 F500\nG1 X5\n", "G1 X0 Y0 Z0\nG71 G1 X5\n"] {
+        let (outcome, siemens) = (run(scaled(), options(), program).unwrap(), program.replace("G71", "G710"));
+        assert_eq!(outcome.text(), run(scaled(), options(), &siemens).unwrap().text().replace("G710", "G71"));
+        assert_eq!(outcome.summary.moves_corrected, 2);
+    }
 }
 
 #[test]

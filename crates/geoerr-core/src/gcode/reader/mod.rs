@@ -486,9 +486,7 @@ impl Reader {
             }
             // The number of a block of Heidenhain's plain text: words with another meaning follow.
             return match line.unreadable {
-                Some(at) if body[at as usize].is_ascii_digit() => {
-                    Err(Unsupported::Unreadable { column: at + 1 })
-                }
+                Some(at) if body[at as usize].is_ascii_digit() => Err(Unsupported::PlainText),
                 _ => Ok(Step::pass(self.may_move(body))),
             };
         };

@@ -81,8 +81,10 @@ impl Reader {
         };
         match code {
             Code::UnitOrCycle => {
-                let changes_unit = (code10 == 700) != modes.is_inch;
-                asked.refuse(Unsupported::UnitOrCycle { code10, changes_unit });
+                // That of millimetres, which all of Siemens' programs begin with, says nothing where these hold.
+                if (code10 == 700) != modes.is_inch {
+                    asked.refuse(Unsupported::UnitOrCycle { code10 });
+                }
             }
             // It ends a cycle; the G0 or G1 on its line holds on.
             Code::NoMotion

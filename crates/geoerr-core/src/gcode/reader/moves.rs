@@ -66,7 +66,7 @@ impl Reader {
             asked.refuse(Unsupported::OddWord { letter });
         }
         if line.has_checksum && !self.model_is_nominal {
-            asked.refuse(Unsupported::Checksum);
+            asked.refuse(if line.has_bare_star { Unsupported::BlockEnd } else { Unsupported::Checksum });
         }
     }
 
