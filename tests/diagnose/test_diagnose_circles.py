@@ -252,6 +252,15 @@ def test_nothing_is_found_where_nothing_is() -> None:
     assert diagnosis.p_value > 0.05
     assert len(diagnosis.candidates) > 3
     assert diagnosis.noise_um == pytest.approx(NOISE_UM, rel=0.3)
+    assert not any("outside the range" in note for note in diagnosis.notes)
+
+
+def test_places_that_the_machine_has_not_are_noted() -> None:
+    """As where they are counted from the centre of the circle."""
+    test = circular(nothing, seed=3)
+    test = replace(test, frame=test.frame.with_columns(pl.col("x") - CENTRE_MM[0]))
+    (note,) = (note for note in diagnose_circles(MODEL, test).notes if "outside the range" in note)
+    assert note.startswith("places outside the range of x, 0 to 400 mm, in 360 of 720 rows: ")
 
 
 def test_what_no_cause_explains_is_unknown() -> None:

@@ -13,7 +13,7 @@ from geoerr.fit.fit import FitOptions, fit_terms, refit
 from geoerr.fit.fitted import Fitted, Outlier
 from geoerr.fit.given import complete_rows, frames_only, has_covariates, own_freedom
 from geoerr.fit.history import figures_to_remember, history_of, steps_to
-from geoerr.fit.joined import sightings_of, within_the_machine
+from geoerr.fit.joined import places_beyond, sightings_of, within_the_machine
 from geoerr.fit.other_sessions import refuse_other_sessions
 from geoerr.fit.result import FitResult, digest_of, figures_document, result_of
 from geoerr.fit.shared_noise import with_shared_noise
@@ -44,6 +44,7 @@ __all__ = [
     "frames_only",
     "has_covariates",
     "own_freedom",
+    "places_beyond",
     "refit",
     "result_of",
     "sightings_of",

@@ -138,18 +138,23 @@ def within_the_machine(sightings: Sightings, machine: Machine) -> Sightings:
         *misplaced_targets(sightings, machine),
         *places_in_metres(sightings, machine),
         *wide_gaps(sightings, machine),
+        *places_beyond(sightings, machine),
     ]
+    return replace(sightings, notes=(*sightings.notes, *told)) if told else sightings
+
+
+def places_beyond(sightings: Sightings, machine: Machine) -> Iterator[str]:
+    """Say along which axes something was commanded outside of their ranges."""
     for axis, along_mm in zip(AXES, sightings.commanded_mm.T, strict=True):
         low, high = machine.axes[axis].range_mm
         beyond_mm = np.maximum(low - along_mm, along_mm - high)
         n_beyond = int((beyond_mm > _AT_AN_END_MM).sum())
         if n_beyond:
-            told.append(
+            yield (
                 f"places outside the range of {axis}, {low:g} to {high:g} mm, in {n_beyond} of {len(along_mm)} rows: "
                 f"it was commanded from {along_mm.min():g} to {along_mm.max():g} mm; state its range as it is, or "
                 "count places from the machine's zero"
             )
-    return replace(sightings, notes=(*sightings.notes, *told)) if told else sightings
 
 
 def _without_name(sightings: Sightings) -> Iterator[str]:

@@ -26,7 +26,7 @@ from geoerr.diagnose.words import chance_words, um_words
 from geoerr.drawing import drawn
 from geoerr.effects import Effect, catalogue
 from geoerr.effects.collection import Catalogue
-from geoerr.fit import refit
+from geoerr.fit import places_beyond, refit
 from geoerr.model import Model
 from geoerr.model.called import check_model, check_tables
 from geoerr.observations import CircularTest
@@ -384,7 +384,11 @@ def _diagnosis(
         runs=_run_figures(searched),
         set_ups=_set_ups(runs),
         withdrawn=tuple(one.suspect.reference for one in searched.withdrawn),
-        notes=(*runs.notes, *_cannot_tell(runs, searched)),
+        notes=(
+            *runs.notes,
+            *places_beyond(runs.fitted.sightings, runs.fitted.machine),
+            *_cannot_tell(runs, searched),
+        ),
         searched=searched,
     )
 
