@@ -204,29 +204,49 @@ def test_a_correction_that_turns_an_axis_at_rest_takes_up_its_play(rise_mm, play
     assert off_um < (0.1 if line else 0.4e3 * TOLERANCE_MM)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_turns_are_followed_across_blocks_by_any_number_of_threads(seed, tmp_path):
-    """Axes that rest, creep and turn in 9,000 lines; the checker follows them command by command."""
+def restless(seed: int, n_moves: int, play_mm: tuple[float, float]) -> tuple[Model, str]:
+    """A machine whose corrections turn its axes, and a program in which these rest, creep and turn."""
     rng = np.random.default_rng(seed)
     places, at = [], np.array([200.0, 200.0])
-    for _ in range(9000):
+    for _ in range(n_moves):
         # One axis moves by no less than 0.1 mm, the other may rest or creep.
         lengths_mm = np.array([rng.choice([0.0, 0.003, 0.3, 40.0]), rng.choice([1.0, 40.0])])
         step = rng.permutation(lengths_mm * rng.uniform(0.1, 1.0, 2) * rng.choice([-1.0, 1.0], 2))
         at = np.round(at + np.where(np.abs(at + step - 200.0) > 180.0, -step, step), 3)
         places.append(at)
     of = machine("wbXYZt")
-    play_mm = [term(of, "backlash:x", b=0.03), term(of, "backlash:y", b=0.011)]
+    terms = tuple(term(of, f"backlash:{axis}", b=mm) for axis, mm in zip("xy", play_mm, strict=True))
     bow = ErrorFunction(np.array([0.0, 130.0, 400.0]), np.array([0.02, -0.05, 0.03]))
     lean = {"EC0Y": Squareness(rng.uniform(-1e-3, 1e-3))}
-    model = Model(of, ErrorFunctions(of, {"EYX": bow}, lean, "joint"), tuple(play_mm))
+    model = Model(of, ErrorFunctions(of, {"EYX": bow}, lean, "joint"), terms)
+    return model, "G1 X200 Y200 Z5 F600\nG1 X201 Y201\n" + "".join(f"G1 X{x:.3f} Y{y:.3f}\n" for x, y in places)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_turns_are_followed_across_blocks_by_any_number_of_threads(seed, tmp_path):
+    """9,000 lines; the checker follows them command by command."""
+    model, program = restless(seed, 9000, (0.03, 0.011))
     source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
-    source.write_text("G1 X200 Y200 Z5 F600\nG1 X201 Y201\n" + "".join(f"G1 X{x:.3f} Y{y:.3f}\n" for x, y in places))
+    source.write_text(program)
     result = compensate_program(model, source, target, threads=2)
     (turned,) = (one for one in result.warnings if one.kind == "turned-at-rest")
     assert turned.count > 100
     assert compare_paths(model, source, target).max_error_um_after < 1e3 * TOLERANCE_MM
     assert compensate_bytes(model, source.read_bytes(), threads=1)[0] == target.read_bytes()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_play_below_a_printed_step_has_no_line(seed, tmp_path):
+    """Y has play of half a step: a piece that takes it up would say where the machine stands."""
+    model, program = restless(seed, 400, (0.03, 0.0006))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(program)
+    options = CompensationOptions(tolerance_mm=0.002, digits=3)
+    result = compensate_program(model, source, target, options=options)
+    lines = target.read_text().splitlines()
+    assert all(re.search("[XYZ]", line) for line in lines if line.startswith("G1"))
+    assert result.moves_out == sum(line.startswith("G1") for line in lines)
+    assert compare_paths(model, source, target).max_error_um_after < 2.0
 
 
 def test_play_is_taken_up_within_a_move_where_the_correction_turns():
@@ -273,6 +293,33 @@ def test_play_that_is_not_taken_up_is_in_the_path_that_is_verified(rise_mm, tmp_
     # Of the first move nothing says that X comes from below: its begin is not solved for.
     assert path.max_error_um_after == pytest.approx(max(off_um, 10.0), abs=0.6)
     assert path.held_back_um == pytest.approx(off_um, abs=0.6)
+
+
+@pytest.mark.parametrize(("rise_mm", "play_mm"), [(0.03, 0.05), (0.06, 0.05), (0.1, 0.05), (0.06, 0.02)])
+def test_play_that_is_crossed_on_the_way_of_a_whole_move_is_in_its_path(rise_mm, play_mm, tmp_path):
+    """M5 is meant for the end of its move, which stays whole: X comes off one side of its play on the way."""
+    model = leaning(rise_mm, play_mm)
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text("G1 X10 Y10 Z5\nG1 X100\nG1 Y300 M5\nG1 X120\n")
+    options = CompensationOptions(on_unsupported="pass")
+    result = compensate_program(model, source, target, options=options)
+    assert [warning.kind for warning in result.warnings] == ["direction-unknown", "not-split"]
+    off_um = off_while_y_moves_um(rise_mm, groups(target.read_text())[0], play_mm)
+    assert off_um > 14.0
+    assert compare_paths(model, source, target).max_error_um_after == pytest.approx(off_um, abs=0.1)
+
+
+@pytest.mark.parametrize("length_mm", [0.05, 0.2, 1.0, 4.0])
+def test_wind_up_within_a_long_move_is_followed(length_mm, tmp_path):
+    """It is over within a few lengths of its begin, which the middle of the move knows nothing of."""
+    of = machine("wbXYZt")
+    model = Model(of, None, (term(of, "reversal-windup:x", b=0.03, **{"lambda": length_mm}),))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    for first_mm, stroke_mm in itertools.product((0.05, 0.2, 0.8), (2.0, 36.0, 150.0)):
+        back = 190.0 + first_mm
+        source.write_text(f"G1 X200 Y200 Z5\nG1 X190 Y201\nG1 X{back} Y202\nG1 X{back - stroke_mm} Y203\n")
+        compensate_program(model, source, target)
+        assert compare_paths(model, source, target, sample_step_mm=0.02).max_error_um_after < 1e3 * TOLERANCE_MM
 
 
 def test_wind_up_is_followed_along_the_move(tmp_path):

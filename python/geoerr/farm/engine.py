@@ -14,6 +14,7 @@ from multiprocessing import current_process, get_context
 from pathlib import Path
 from queue import SimpleQueue
 from tempfile import TemporaryDirectory
+from threading import Lock
 from typing import Any, Protocol
 
 from geoerr.errors import GeoerrError
@@ -25,6 +26,7 @@ MOST_CARRIED_BYTES = 1 << 30
 
 # Settings of libraries, as the environment has them.
 _ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "POLARS_MAX_THREADS": "1", "RAYON_NUM_THREADS": "1"}
+_ENVIRONMENT = Lock()
 _GUARD = 'hint: in a script, put the call behind `if __name__ == "__main__":`'
 
 # What became of a job: its results, or why there are none.
@@ -156,6 +158,7 @@ def refuse_to_fork(executor: FarmExecutor | None) -> None:
     GeoerrError
         for such a pool.
     """
+    # Executors have no public names for how they begin processes, nor for those that there are.
     context = getattr(executor, "_mp_context", None)
     # Processes that there are already are forks of what was before.
     if context is None or getattr(executor, "_processes", None):
@@ -261,16 +264,18 @@ def _of_one_thread() -> Iterator[None]:
     Read by NumPy and Polars as a process loads them, and by the core where nothing else says how many. No longer than
     that: what the caller itself begins to work with is not to be held to one.
     """
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+    # Two farms of one process would otherwise take each other's setting for the one that was there.
+    with _ENVIRONMENT:
+        before = {name: os.environ.get(name) for name in _ONE_THREAD}
+        os.environ.update(_ONE_THREAD)
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
 
 
 def _keep_files_in(folder: str) -> None:

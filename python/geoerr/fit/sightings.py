@@ -145,7 +145,7 @@ class Sightings(KeepsWorkedOut):
 
     @property
     def unwhitening(self) -> Numbers:
-        """Pseudo-inverses of W, (n, 3, 3): from numbers of unit variance to mm."""
+        """Pseudo-inverses of W, (n, 3, 3): from numbers of unit variance to mm; made anew each time."""
         different, number = self._unwhitenings
         return np.asarray(different[number])
 

@@ -321,10 +321,9 @@ def _sample(machine: ProgramMachine, pieces: Pieces, step_mm: float, figures: _A
     before = np.linalg.norm(machine.error_mm(ideal, motion), axis=1)
     off = (command - ideal) + machine.error_mm(command, motion)
     after = np.linalg.norm(off, axis=1)
-    if pieces.held_mm is not None:
+    if pieces.held_back is not None:
         as_programmed = after
-        off += pieces.held_mm[piece, 0] * (1.0 - share) + pieces.held_mm[piece, 1] * share
-        after = np.linalg.norm(off, axis=1)
+        after = np.linalg.norm(off + pieces.held_back.at(piece, share), axis=1)
         figures.held_back.add(after - as_programmed, weight, line)
     figures.before.add(before, weight, line)
     figures.after.add(after, weight, line)

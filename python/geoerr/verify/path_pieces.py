@@ -17,7 +17,7 @@ from geoerr.model.arrays import Triple
 from geoerr.verify.path_machine import ProgramMachine
 from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces
 from geoerr.verify.path_tally import Tally
-from geoerr.verify.play import Play, Sides
+from geoerr.verify.play import HeldBack, Play, Sides
 from geoerr.verify.program_motion import Courses
 from geoerr.verify.program_reader import Move
 
@@ -36,8 +36,7 @@ _FIRST_LOOK = 2
 class Pieces:
     """Straight pieces of the corrected program: commanded and intended ends, lines, motion; all (n, ...).
 
-    Motion (n, 2, m) is that at both ends, and so is what play holds back, (n, 2, 3); None where errors do not depend
-    on it.
+    Motion (n, 2, m) is that at both ends; it and what play holds back are None where errors do not depend on it.
     """
 
     command_begin_mm: Numbers
@@ -46,7 +45,7 @@ class Pieces:
     ideal_end_mm: Numbers
     line: _Places
     motion: Numbers | None
-    held_mm: Numbers | None
+    held_back: HeldBack | None
 
     def part(self, of: slice | npt.NDArray[np.bool_]) -> Pieces:
         """Give some of them."""
@@ -57,7 +56,7 @@ class Pieces:
             self.ideal_end_mm[of],
             self.line[of],
             None if self.motion is None else self.motion[of],
-            None if self.held_mm is None else self.held_mm[of],
+            None if self.held_back is None else self.held_back.part(of),
         )
 
 
@@ -108,11 +107,11 @@ def pieces_of(
     begun[first] = 0.0
     begin_mm = _rows([one.start_mm or (np.nan, np.nan, np.nan) for one in own])
     begin_mm = np.where(np.isnan(begin_mm), start_mm[of], begin_mm)
-    motion = held_mm = None
+    motion = held_back = None
     if courses is not None:
         motion = np.stack([courses.motion_at(of, begun), courses.motion_at(of, shares)], axis=1)
         if follower is not None:
-            held_mm = follower.play.held_mm(command_mm, motion[:, 1].copy(), courses.moves(of))
+            held_back = follower.play.held_back(command_mm, motion[:, 1].copy())
     pieces = Pieces(
         begin_mm,
         command_mm,
@@ -120,7 +119,7 @@ def pieces_of(
         _between(start_mm[of], end_mm[of], shares),
         np.array(lines, dtype=np.int64),
         motion,
-        held_mm,
+        held_back,
     )
     return pieces.part(is_compared[of])
 

@@ -11,6 +11,7 @@ Verified in tests/compensate/test_term_programs.py against carriages that follow
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,8 @@ Numbers = npt.NDArray[np.float64]
 
 # Columns of the core's motion: of x y z each, and of the wind-ups.
 _DIRECTION, _TRAVEL_MM, _WINDUPS = 0, 3, 10
+# Less of it is rounding, of what has the same value on both sides.
+_LEAST_PLAY_MM = 1e-9
 # Play is crossed where less of it is left than printed digits may leave.
 _ON_A_SIDE_MM = 1e-3
 
@@ -33,26 +36,52 @@ class AxisPlay:
         self._at_mm = 0.0
         self.held_mm = 0.0
 
-    def take(self, command_mm: float, direction: float, play_mm: float) -> float:
-        """Take over a piece by its end, and the direction of its move; give what was held back at its begin.
+    def take(self, command_mm: float, direction: float, play_mm: float) -> tuple[float, float]:
+        """Take over a piece by its end, and the direction of its move; give what was held back at its begin and end.
 
         What is held back counts against the direction of the move: an axis that the program turns begins with what is
-        left of its play.
+        left of its play. The end is that of an axis whose play has no ends: between 0 and its play are held back.
         """
-        held_mm = self.held_mm
+        begun_mm = self.held_mm
         if direction != self._direction:
             # Of the first direction that is known nothing says that play was ever on the other side.
-            held_mm = max(play_mm - held_mm, 0.0) if self._direction else 0.0
-        gone_mm = direction * (command_mm - self._at_mm)
-        self.held_mm = min(max(held_mm - gone_mm, 0.0), play_mm) if direction else 0.0
+            begun_mm = max(play_mm - begun_mm, 0.0) if self._direction else 0.0
+        ended_mm = begun_mm - direction * (command_mm - self._at_mm) if direction else 0.0
+        self.held_mm = min(max(ended_mm, 0.0), play_mm)
         self._direction, self._at_mm = direction, command_mm
-        return held_mm
+        return begun_mm, ended_mm
 
     def copy(self) -> AxisPlay:
         """Give one that goes on by itself."""
         other = AxisPlay()
         other._direction, other._at_mm, other.held_mm = self._direction, self._at_mm, self.held_mm
         return other
+
+
+@dataclass(frozen=True)
+class HeldBack:
+    """What play holds back along pieces.
+
+    Attributes
+    ----------
+    share : (n, 2, 3)
+        Of the play of each axis, at both ends of each piece, before it is cut to 0 and 1: a drive crosses its play on
+        the way, and not evenly along it.
+    across_mm : (n, 3, 3)
+        What the tool is elsewhere on the other side of the play, [piece][axis].
+    """
+
+    share: Numbers
+    across_mm: Numbers
+
+    def part(self, of: slice | npt.NDArray[np.bool_]) -> HeldBack:
+        """Give those of some pieces."""
+        return HeldBack(self.share[of], self.across_mm[of])
+
+    def at(self, piece: npt.NDArray[np.int64], share: Numbers) -> Numbers:
+        """Give displacements (m, 3) at shares (m, 1) of pieces, by their numbers (m,)."""
+        held = self.share[piece, 0] * (1.0 - share) + self.share[piece, 1] * share
+        return np.asarray(np.einsum("ma,mac->mc", np.clip(held, 0.0, 1.0), self.across_mm[piece]))
 
 
 class Play:
@@ -69,8 +98,8 @@ class Play:
         self._windups: Sequence[tuple[int, float]] = machine.windups
         self._axes = [AxisPlay() for _ in range(3)]
 
-    def held_mm(self, command_mm: Numbers, motion: Numbers, moves: npt.NDArray[np.bool_]) -> Numbers:
-        """Give what is held back at both ends of pieces, (n, 2, 3), added to where the model has the tool.
+    def held_back(self, command_mm: Numbers, motion: Numbers) -> HeldBack:
+        """Give what is held back along pieces.
 
         Parameters
         ----------
@@ -78,25 +107,19 @@ class Play:
             Where the pieces end.
         motion : (n, m)
             That of their moves there.
-        moves : (n, 3)
-            Which axes their moves move.
         """
-        held_mm = np.zeros((len(command_mm), 2, 3))
+        held = HeldBack(np.zeros((len(command_mm), 2, 3)), np.zeros((len(command_mm), 3, 3)))
         error_mm = self._machine.error_mm(command_mm, motion)
         for axis, state in enumerate(self._axes):
-            turned_mm = self._machine.error_mm(command_mm, self._turned(motion, axis)) - error_mm
+            across_mm = self._machine.error_mm(command_mm, self._turned(motion, axis)) - error_mm
             direction = motion[:, _DIRECTION + axis]
-            play_mm = np.maximum(direction * turned_mm[:, axis], 0.0)
-            share = np.zeros((len(command_mm), 2))
+            play_mm = np.maximum(direction * across_mm[:, axis], 0.0)
             told = zip(command_mm[:, axis].tolist(), direction.tolist(), play_mm.tolist(), strict=True)
-            for piece, (at_mm, way, play) in enumerate(told):
-                begun_mm = state.take(at_mm, way, play)
-                if play > 0.0:
-                    share[piece] = min(begun_mm / play, 1.0), state.held_mm / play
-            # Play that a move of the program crosses at its begin is an error from its begin on.
-            share[moves[:, axis] & (share[:, 1] == 0.0), 0] = 0.0
-            held_mm += share[:, :, None] * turned_mm[:, None, :]
-        return held_mm
+            ends_mm = np.array([state.take(*one) for one in told]).reshape(-1, 2)
+            has_play = play_mm > _LEAST_PLAY_MM
+            held.share[has_play, :, axis] = ends_mm[has_play] / play_mm[has_play, None]
+            held.across_mm[has_play, axis] = across_mm[has_play]
+        return held
 
     def _turned(self, motion: Numbers, axis: int) -> Numbers:
         """Give motion, (n, m), of an axis that a way too short to wind anything up has turned."""
@@ -125,13 +148,13 @@ class Sides:
         self._machine = machine
         self._axes = [AxisPlay() for _ in range(3)]
         self._command_mm: list[list[float]] = []
-        # What the tool is elsewhere on the other side, by axis that has play.
-        self._across_mm: dict[int, list[list[float]]] = {}
+        # What the tool is elsewhere on the other side of each axis' play.
+        self._across_mm: list[list[list[float]]] = []
 
     def begin(self, command_mm: Numbers) -> None:
         """Take over the commands, (n, 3), that come next."""
         self._command_mm = command_mm.tolist()
-        self._across_mm = {}
+        self._across_mm = []
         still = np.zeros((len(command_mm), _WINDUPS + len(self._machine.windups)))
         # Half unwound, a wind-up has the same value on both sides.
         still[:, _WINDUPS:] = 0.5
@@ -141,9 +164,7 @@ class Sides:
                 still[:, _DIRECTION + axis] = direction
                 sides_mm.append(self._machine.error_mm(command_mm, still))
             still[:, _DIRECTION + axis] = 0.0
-            across_mm = sides_mm[0] - sides_mm[1]
-            if (across_mm[:, axis] > 0.0).any():
-                self._across_mm[axis] = across_mm.tolist()
+            self._across_mm.append((sides_mm[0] - sides_mm[1]).tolist())
 
     def elsewhere_mm(self, first: int, direction: Sequence[float]) -> Iterator[list[list[float]]]:
         """Give what the tool may be elsewhere than the model has it, which knows the move's direction alone.
@@ -155,7 +176,7 @@ class Sides:
         for command in range(first, len(self._command_mm)):
             self._step(axes, command, direction)
             ways = [[0.0, 0.0, 0.0]]
-            for axis, across in self._across_mm.items():
+            for axis, across in enumerate(self._across_mm):
                 play_mm, held_mm = across[command][axis], axes[axis].held_mm
                 if held_mm > _ON_A_SIDE_MM:
                     other_mm = [direction[axis] * one for one in across[command]]
@@ -169,6 +190,6 @@ class Sides:
             self._step(self._axes, command, direction)
 
     def _step(self, axes: Sequence[AxisPlay], command: int, direction: Sequence[float]) -> None:
-        for axis, across in self._across_mm.items():
+        for axis, across in enumerate(self._across_mm):
             play_mm = max(across[command][axis], 0.0)
             axes[axis].take(self._command_mm[command][axis], direction[axis], play_mm)

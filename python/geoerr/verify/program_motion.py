@@ -61,10 +61,6 @@ class Courses:
         speed_mm_s = self._feed_mm_min / 60.0 / np.where(length_mm > 0.0, length_mm, 1.0)
         self._velocity_mm_s = step_mm * speed_mm_s[:, None]
 
-    def moves(self, move: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
-        """Tell which axes, (n, 3), moves (n,) move."""
-        return np.asarray(self._gone_mm[move] > 0.0)
-
     def direction_of(self, move: int) -> tuple[float, ...]:
         """Give the direction of each axis in a move."""
         return self._directions[move]

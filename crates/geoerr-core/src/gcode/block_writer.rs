@@ -21,6 +21,8 @@ struct Outgoing<'a> {
     target: &'a Target,
     /// Whether the program's comments so far are in parentheses.
     comments_in_parentheses: bool,
+    /// Whether its correction turns an axis in it.
+    is_turned: bool,
 }
 
 /// Writes a program block by block.
@@ -111,17 +113,16 @@ impl BlockWriter {
                         return Err(too_few_digits(line, end.target.is_inch, options));
                     }
                     let nodes = block.nodes_of(&end).map_err(|error| refused(error, line, body))?;
-                    if turns.next_if(|&&index| index == end.index).is_some() {
-                        self.warnings.add(WarningKind::TurnedAtRest, line, body);
-                    }
+                    let is_turned = turns.next_if(|&&index| index == end.index).is_some();
                     let source = SourceLine {
                         body,
                         text: block.from(item),
                         ending: block.ending(item),
                         usual_ending: &[],
                     };
+                    let target = end.target;
                     let outgoing =
-                        Outgoing { line, source, a_move, target: end.target, comments_in_parentheses };
+                        Outgoing { line, source, a_move, target, comments_in_parentheses, is_turned };
                     self.write_move(&outgoing, nodes, options)?;
                 }
                 ItemStep::Run => {
@@ -185,7 +186,7 @@ impl BlockWriter {
         let source = SourceLine { body, text, ending: UsualMove::ENDING, usual_ending: &[] };
         let (a_move, comments_in_parentheses) = (&run.move_of(usual), run.comments_in_parentheses);
         self.write_move(
-            &Outgoing { line, source, a_move, target: end.target, comments_in_parentheses },
+            &Outgoing { line, source, a_move, target: end.target, comments_in_parentheses, is_turned: false },
             nodes,
             options,
         )
@@ -211,6 +212,8 @@ impl BlockWriter {
             }
             self.warnings.add(WarningKind::NotSplit(what), line, body);
             nodes = std::slice::from_ref(end);
+        } else if outgoing.is_turned {
+            self.warnings.add(WarningKind::TurnedAtRest, line, body);
         }
         let begin = self.draft.length();
         let source = SourceLine { usual_ending: &self.usual_ending, ..outgoing.source };
@@ -220,6 +223,7 @@ impl BlockWriter {
             self.mark(begin, outgoing.comments_in_parentheses, &ending, options);
         }
         self.count(line, target, nodes, in_mm(written.extrusion, target.is_inch));
+        self.summary.moves_out -= written.n_idle;
         Ok(())
     }
 

@@ -111,6 +111,9 @@ pub struct Node {
     pub command_mm: [f64; 3],
 }
 
+/// Travel behind a reversal, in lengths of a wind-up, between which e^(−travel/length) is followed as a parabola.
+const WINDINGS: [f64; 9] = [0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
+
 /// How closely to follow.
 #[derive(Clone, Copy, Debug)]
 pub struct Closeness {
@@ -242,6 +245,7 @@ impl<M: PathMap> Moved<'_, M> {
         crossings: &mut Vec<f64>,
     ) -> Option<Worst> {
         knot_crossings(self.map, from, to, crossings);
+        self.windings(from, to, crossings);
         crossings.push(1.0);
         let mut over: Option<Worst> = None;
         let mut largest_mm = limit_mm;
@@ -270,6 +274,25 @@ impl<M: PathMap> Moved<'_, M> {
             (left, at_left) = (right, at_right);
         }
         over
+    }
+
+    /// Adds the shares of the piece between which what winds up behind a reversal is all but a parabola.
+    fn windings(&self, from: &Node, to: &Node, crossings: &mut Vec<f64>) {
+        let n_knots = crossings.len();
+        for windup in self.map.windups() {
+            let (gone_mm, travel_mm) =
+                (self.course.begin.travel_mm[windup.axis], self.course.travel_mm[windup.axis]);
+            for lengths in WINDINGS {
+                let of_move = (lengths * windup.length_mm - gone_mm) / travel_mm;
+                let share = (of_move - from.share) / (to.share - from.share);
+                if (1e-9..=1.0 - 1e-9).contains(&share) {
+                    crossings.push(share);
+                }
+            }
+        }
+        if crossings.len() > n_knots {
+            crossings.sort_by(f64::total_cmp);
+        }
     }
 
     /// Actual minus ideal tool position at a share of a piece.

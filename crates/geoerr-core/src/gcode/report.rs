@@ -87,7 +87,7 @@ impl WarningKind {
             Self::ZeroNotTold => "a place in machine coordinates (G53, G28 with --home, or one of another coordinate system), and where the program's zero lies in them is not told: nothing is counted from it, and moves after it pass through untouched until the axes are given again; --work-offset tells it (0,0,0 where it is the machine's; of a printer that is so: --firmware)".to_owned(),
             Self::EndOfAxis => "a rapid to the end of an axis, where a correction has no travel: passed through untouched, and so are moves after it until that axis is given again".to_owned(),
             Self::OutsideMeasured => "outside the measured range: functions of an axis keep their last measured values, formulas go on".to_owned(),
-            Self::NotSplit(what) => format!("{what}: it stays whole, corrected at its end alone; {}", what.remedy()),
+            Self::NotSplit(what) => format!("{what}: it stays whole, corrected at its end alone, and what play it has to cross is crossed on its way; {}", what.remedy()),
             Self::ExtrusionUnclear => "firmwares read its E differently, as a position or as an increment: the extruded lengths are those of Marlin's reading; --firmware says whose they are to be".to_owned(),
             Self::DirectionUnknown => "an axis has not moved yet since its place became known: what depends on its direction of approach is left out until it has".to_owned(),
             Self::TurnedAtRest => "an axis rests or creeps in the program, and its correction moves it back from where it came: its play is taken up there, by a piece that moves that axis alone".to_owned(),

@@ -199,11 +199,11 @@ pub enum Unsupported {
     Checksum,
     /// `N10 G01 X+5 *`.
     #[error(
-        "the line ends with *, as in the ISO programs of Heidenhain's controls, whose codes mean other things"
+        "the line ends with * and no checksum, as blocks of Heidenhain's ISO do, whose codes mean other things"
     )]
     BlockEnd,
     /// `1 L X+5 R0`, `0 BEGIN PGM PART MM`.
-    #[error("a block of Heidenhain's plain text, which is no G-code")]
+    #[error("it begins with a number alone, as blocks of Heidenhain's plain text do, which is no G-code")]
     PlainText,
     /// A move that must be split and whose `E` is read differently.
     #[error("the move must be split, and firmwares differ on whether its E is a position or an increment")]
@@ -326,7 +326,7 @@ impl Unsupported {
                 "strip line numbers and checksums; the host adds them when it sends the program"
             }
             Self::BlockEnd | Self::PlainText => {
-                "such programs are not corrected: let the CAM write G-code if the control can run it (as Fanuc's or Siemens' controls have it)"
+                "correct the line; programs of Heidenhain's are not corrected: let the CAM write G-code if the control can run it"
             }
             Self::ExtruderMode => "name the firmware: --firmware marlin, klipper or reprapfirmware",
             Self::ExtruderLost => "write G92 E0 behind the change of the tool, or use M83",

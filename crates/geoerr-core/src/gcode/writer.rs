@@ -31,6 +31,8 @@ pub struct Written {
     pub is_changed: bool,
     /// What the written words extrude, `10^-18` of the program's unit.
     pub extrusion: i128,
+    /// Nodes that take up less play than is printed, and have no line.
+    pub n_idle: u64,
 }
 
 /// How axis words are printed in one unit.
@@ -101,9 +103,19 @@ impl Writer {
     ) -> Written {
         self.must_give_all |= target.is_first;
         let print = self.prints[usize::from(target.is_inch)];
+        let mut n_idle = 0;
+        let nodes = match nodes {
+            [first, others @ ..]
+                if first.share == 0.0 && !others.is_empty() && self.is_idle(first, &print) =>
+            {
+                n_idle = 1;
+                others
+            }
+            _ => nodes,
+        };
         self.shares.set(a_move, nodes);
         let [first, further @ ..] = nodes else {
-            return Written { is_changed: false, extrusion: a_move.extrusion };
+            return Written { is_changed: false, extrusion: a_move.extrusion, n_idle };
         };
         let words = self.words_of_piece(a_move, first, 0, &print);
         let is_whole = further.is_empty();
@@ -112,10 +124,16 @@ impl Writer {
         let end = line.body.len() + if is_whole { line.ending.len() } else { 0 };
         first_piece(draft, line.text, end, &a_move.text, &words);
         if !is_whole {
-            self.write_further(draft, line, a_move, further, &print);
+            n_idle += self.write_further(draft, line, a_move, nodes, &print);
         }
         self.must_give_all &= !(is_changed && a_move.motion.is_absolute);
-        Written { is_changed, extrusion: self.shares.extrusion }
+        Written { is_changed, extrusion: self.shares.extrusion, n_idle }
+    }
+
+    /// Whether the machine stands at a node already, as far as it is printed.
+    fn is_idle(&self, node: &Node, print: &Print) -> bool {
+        let at_mm = self.frame.position_mm.numbers();
+        (0..3).all(|axis| (at_mm[axis] - node.command_mm[axis]).abs() <= print.near_mm)
     }
 
     /// Writes a usual move as one line, and tells whether it differs from the one that came in; None where there is more to
@@ -139,23 +157,30 @@ impl Writer {
         Some(words.is_new != [false; 3])
     }
 
-    /// Lines of further pieces, and the ends of all.
+    /// Lines of the pieces behind the first, and the ends of all; gives the number of those that take up less play than is
+    /// printed.
     fn write_further(
         &mut self,
         draft: &mut Draft,
         line: SourceLine<'_>,
         a_move: &Move,
-        further: &[Node],
+        nodes: &[Node],
         print: &Print,
-    ) {
+    ) -> u64 {
+        let mut n_idle = 0;
         let between = if line.ending.is_empty() { line.usual_ending } else { line.ending };
-        for (piece, node) in (1..).zip(further) {
+        for (piece, node) in nodes.iter().enumerate().skip(1) {
+            if node.share == nodes[piece - 1].share && self.is_idle(node, print) {
+                n_idle += 1;
+                continue;
+            }
             let words = self.words_of_piece(a_move, node, piece, print);
             draft.make_room(line.body.len() + 2 * between.len());
             draft.copy(between, 0, between.len());
             further_piece(draft, line.text, &a_move.text, &words);
         }
         draft.copy(line.ending, 0, line.ending.len());
+        n_idle
     }
 
     /// The words of a piece of a move, and the machine moved to where they say.
