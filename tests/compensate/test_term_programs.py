@@ -236,6 +236,31 @@ def test_turns_are_followed_across_blocks_by_any_number_of_threads(seed, tmp_pat
 
 
 @pytest.mark.parametrize("seed", range(6))
+def test_the_certified_error_is_that_of_carriages_that_follow_their_drives(seed, tmp_path):
+    play_mm = np.array([0.03, 0.011, 0.0])
+    model, program = restless(seed, 300, (0.03, 0.011))
+    source, target = tmp_path / "in.gcode", tmp_path / "out.gcode"
+    source.write_text(program.replace("\nG1", "\nM117\nG1"))
+    compensate_program(model, source, target)
+    ideal, written = groups(source.read_text()), groups(target.read_text())
+    stiff = Model(model.machine, model.errors, ())
+    drive, carried, worst = written[1][-1], None, 0.0
+    # The first move tells from where the axes come: behind it both have crossed their play.
+    for number, group in enumerate(written[2:], start=2):
+        for command in group:
+            drives = drive + np.linspace(0.0, 1.0, 60)[1:, None] * (command - drive)
+            start = drives[0] - 0.5 * play_mm if carried is None else carried
+            carriages = np.clip(start, drives - 0.5 * play_mm, drives + 0.5 * play_mm)
+            tool = carriages + stiff.error_mm(drives)
+            begin, end = ideal[number - 1][-1], ideal[number][-1]
+            worst = max(worst, *(off_segment(point, begin, end) for point in tool))
+            drive, carried = command, carriages[-1]
+    certified_um = compare_paths(model, source, target).max_error_um_after
+    assert 1e3 * worst < certified_um + 0.05
+    assert certified_um < 1e3 * TOLERANCE_MM
+
+
+@pytest.mark.parametrize("seed", range(6))
 def test_play_below_a_printed_step_has_no_line(seed, tmp_path):
     """Y has play of half a step: a piece that takes it up would say where the machine stands."""
     model, program = restless(seed, 400, (0.03, 0.0006))
