@@ -21,9 +21,9 @@ OURS_CERTAIN = "geoerr, with covariances"
 OURS_ALONG = "geoerr, with covariances and distances along"
 AIM_NS = 2.0
 IN_THE_WAY = (
-    "Of the core's time a third reads points and lays them out by coordinate, a tenth sums nine moments, two "
-    "fifths find chords and solve the lines with their covariances, which the peers do not give, and an eighth "
-    "clears and hands over the memory of the results; a sixth more is NumPy's side of the call."
+    "Called again and again with nothing between, it takes 2.2 ns/point in the median and 2.0 at least, with "
+    "covariances 2.5 and 2.2; between its peers' calls more, by what differs from run to run. It reads points and "
+    "lays them out by coordinate, sums nine moments, finds chords and solves the lines."
 )
 
 

@@ -24,24 +24,8 @@ MOST_VALUES = 12
 BINS = 10
 # Columns that are measured, or say how well, or where a row stands in its file; directions come as d_x, d_y, d_z.
 _NO_VARIABLES = {
-    *(
-        "mx",
-        "my",
-        "mz",
-        "sx",
-        "sy",
-        "sz",
-        "cxx",
-        "cxy",
-        "cxz",
-        "cyy",
-        "cyz",
-        "czz",
-        "r",
-        "sr",
-        "measured",
-        "s_measured",
-    ),
+    *("mx", "my", "mz", "sx", "sy", "sz", "cxx", "cxy", "cxz", "cyy", "cyz", "czz"),
+    *("r", "sr", "measured", "s_measured"),
     *("file_row", "dir_x", "dir_y", "dir_z"),
 }
 # Values nearer than this share of the span are one.

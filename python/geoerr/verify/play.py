@@ -11,6 +11,7 @@ Verified in tests/compensate/test_term_programs.py against carriages that follow
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,12 +52,6 @@ class AxisPlay:
         self._direction, self._at_mm = direction, command_mm
         return begun_mm, ended_mm
 
-    def copy(self) -> AxisPlay:
-        """Give one that goes on by itself."""
-        other = AxisPlay()
-        other._direction, other._at_mm, other.held_mm = self._direction, self._at_mm, self.held_mm
-        return other
-
 
 @dataclass(frozen=True)
 class HeldBack:
@@ -95,7 +90,6 @@ class Play:
 
     def __init__(self, machine: ProgramMachine) -> None:
         self._machine = machine
-        self._windups: Sequence[tuple[int, float]] = machine.windups
         self._axes = [AxisPlay() for _ in range(3)]
 
     def held_back(self, command_mm: Numbers, motion: Numbers) -> HeldBack:
@@ -125,7 +119,7 @@ class Play:
         """Give motion, (n, m), of an axis that a way too short to wind anything up has turned."""
         turned = motion.copy()
         travel_mm = motion[:, _TRAVEL_MM + axis]
-        for number, (of, length_mm) in enumerate(self._windups):
+        for number, (of, length_mm) in enumerate(self._machine.windups):
             if of == axis:
                 left = _WINDUPS + number
                 decay = np.exp(-travel_mm / length_mm) if length_mm > 0.0 else np.zeros_like(travel_mm)
@@ -172,7 +166,7 @@ class Sides:
         For each command from `first` on, if it were of that move, the possible displacements, (3,) each: what is held
         back between both sides was meant for one of them.
         """
-        axes = [axis.copy() for axis in self._axes]
+        axes = [copy(axis) for axis in self._axes]
         for command in range(first, len(self._command_mm)):
             self._step(axes, command, direction)
             ways = [[0.0, 0.0, 0.0]]

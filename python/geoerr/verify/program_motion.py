@@ -53,7 +53,6 @@ class Courses:
         self._direction, self._travel_mm, step_mm = (
             np.array([course[column] for course in courses], dtype=np.float64).reshape(-1, 3) for column in range(3)
         )
-        self._directions = [course.direction for course in courses]
         self._feed_mm_min = np.array([course.feed_mm_min for course in courses])
         self._left_unwound = np.array([course.left_unwound for course in courses], dtype=np.float64)
         self._gone_mm = np.abs(step_mm)
@@ -63,7 +62,7 @@ class Courses:
 
     def direction_of(self, move: int) -> tuple[float, ...]:
         """Give the direction of each axis in a move."""
-        return self._directions[move]
+        return tuple(self._direction[move].tolist())
 
     def motion_at(self, move: npt.NDArray[np.int64], share: Numbers) -> Numbers:
         """Give the core's motion, (n, 10 + wind-ups), at shares (n,) of moves, by their numbers (n,).

@@ -60,7 +60,9 @@ pub struct Stretch {
 /// A move that has to be commanded otherwise than by the program's directions alone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Turned {
-    /// Its stretches, the first from share 0.
+    /// Direction in which each axis has taken up its play at its begin.
+    pub begins: [f64; 3],
+    /// Its further stretches.
     pub stretches: Vec<Stretch>,
     /// Whether an axis is turned in it against the program's direction.
     pub is_turn: bool,
@@ -70,7 +72,7 @@ impl Turned {
     /// A part of the move, which lies in one stretch.
     pub fn stretch(&self, course: &Course, from: f64, to: f64, windups: &[Windup]) -> Course {
         let of = self.stretches.iter().rfind(|stretch| stretch.share <= from);
-        let direction = of.map_or(course.begin.direction, |stretch| stretch.direction);
+        let direction = of.map_or(self.begins, |stretch| stretch.direction);
         course.stretch(from, to, &direction, windups)
     }
 
@@ -130,7 +132,8 @@ impl Turns {
             }
         }
         let most_held_mm = self.share_held * limit_mm;
-        let mut stretches = vec![Stretch { share: 0.0, direction: self.directions(course) }];
+        let mut begins = self.directions(course);
+        let mut stretches: Vec<Stretch> = Vec::new();
         let mut is_turn = false;
         let mut begin: Option<&Node> = None;
         for node in nodes {
@@ -149,6 +152,7 @@ impl Turns {
                 let direction = self.directions(course);
                 match stretches.last_mut() {
                     Some(last) if last.share == share => last.direction = direction,
+                    None if share == 0.0 => begins = direction,
                     _ => stretches.push(Stretch { share, direction }),
                 }
             }
@@ -157,7 +161,7 @@ impl Turns {
         let ends_turned = self.is_turned();
         let began_turned = std::mem::replace(&mut self.ended_turned, ends_turned);
         let is_as_programmed = !began_turned && !is_turn && !ends_turned;
-        (!is_as_programmed).then_some(Turned { stretches, is_turn })
+        (!is_as_programmed).then_some(Turned { begins, stretches, is_turn })
     }
 
     fn directed(&self) -> impl Iterator<Item = usize> + use<> {
