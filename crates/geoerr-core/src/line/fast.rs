@@ -64,14 +64,15 @@ type Each = [f64; GROUP];
 
 const ZEROS: Each = [0.0; GROUP];
 
-/// One line.
-#[derive(Clone, Copy)]
-pub(super) struct Found {
-    pub centroid_mm: [f64; 3],
-    pub direction: [f64; 3],
-    pub rms_mm: f64,
-    /// Zero where it was not wanted.
-    pub direction_covariance: [[f64; 3]; 3],
+/// Output rows of a group's lines, in their order.
+pub(super) struct Rows<'a> {
+    pub centroid_mm: &'a mut [[f64; 3]],
+    pub direction: &'a mut [[f64; 3]],
+    pub rms_mm: &'a mut [f64],
+    /// Empty where covariances are not asked for.
+    pub direction_covariance: &'a mut [[[f64; 3]; 3]],
+    /// For every point, one line after another; empty where distances are not asked for.
+    pub along_mm: &'a mut [f64],
 }
 
 /// Points of a group's lines by coordinate, from each line's first one: room that is made once for many groups.
@@ -86,35 +87,32 @@ impl Clouds {
     }
 }
 
-/// Fits up to [`GROUP`] lines, with covariances or without; their distances along go into `along_mm`, one line after
-/// another, if there is room for any.
-///
-/// None where the careful path has to answer.
-pub(super) fn fit_group<const WITH_COVARIANCE: bool>(
-    lines: &[&[[f64; 3]]],
-    clouds: &mut Clouds,
-    along_mm: &mut [f64],
-) -> [Option<Found>; GROUP] {
-    Arch::new().dispatch(Group::<WITH_COVARIANCE> { lines, clouds, along_mm })
+/// Fits up to [`GROUP`] lines, and says which: of the others, which the careful path has to answer, no row is written.
+pub(super) fn fit_group(lines: &[&[[f64; 3]]], clouds: &mut Clouds, rows: &mut Rows<'_>) -> [bool; GROUP] {
+    if rows.direction_covariance.is_empty() {
+        Arch::new().dispatch(Group::<false> { lines, clouds, rows })
+    } else {
+        Arch::new().dispatch(Group::<true> { lines, clouds, rows })
+    }
 }
 
-struct Group<'a, const WITH_COVARIANCE: bool> {
+struct Group<'a, 'r, const WITH_COVARIANCE: bool> {
     lines: &'a [&'a [[f64; 3]]],
     clouds: &'a mut Clouds,
-    along_mm: &'a mut [f64],
+    rows: &'a mut Rows<'r>,
 }
 
-impl<const WITH_COVARIANCE: bool> WithSimd for Group<'_, WITH_COVARIANCE> {
-    type Output = [Option<Found>; GROUP];
+impl<const WITH_COVARIANCE: bool> WithSimd for Group<'_, '_, WITH_COVARIANCE> {
+    type Output = [bool; GROUP];
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> Self::Output {
         if S::IS_SCALAR { self.run::<Separate, S>(simd) } else { self.run::<Fused, S>(simd) }
     }
 }
 
-impl<const WITH_COVARIANCE: bool> Group<'_, WITH_COVARIANCE> {
+impl<const WITH_COVARIANCE: bool> Group<'_, '_, WITH_COVARIANCE> {
     #[inline(always)]
-    fn run<A: Arithmetic, S: Simd>(self, simd: S) -> [Option<Found>; GROUP] {
+    fn run<A: Arithmetic, S: Simd>(self, simd: S) -> [bool; GROUP] {
         let mut moments = Moments::new();
         let mut chords = [Chord::NONE; GROUP];
         // One after another as they lie in memory, which is waited for nowhere else: a chord's last point has come by then.
@@ -135,20 +133,26 @@ impl<const WITH_COVARIANCE: bool> Group<'_, WITH_COVARIANCE> {
         }
         let solved = solve::<A, WITH_COVARIANCE>(&moments);
         // Without room for distances there are none to measure.
-        let mut rest = self.along_mm;
-        let mut found = [None; GROUP];
+        let mut rest = &mut *self.rows.along_mm;
         for (k, (line, cloud)) in self.lines.iter().zip(&self.clouds.0).enumerate() {
             let (along_mm, after) = rest.split_at_mut(line.len().min(rest.len()));
             rest = after;
             if let [first, ..] = line
                 && solved.is_good[k]
             {
-                let found_line = solved.line::<WITH_COVARIANCE>(k, first, &chords[k]);
-                measure_along::<A>(line, &found_line.direction, cloud, along_mm);
-                found[k] = Some(found_line);
+                let order = &chords[k].order;
+                for (i, &row) in order.iter().enumerate() {
+                    self.rows.centroid_mm[k][row] = first[row] + solved.mean_mm[i][k];
+                    self.rows.direction[k][row] = solved.direction[i][k];
+                }
+                self.rows.rms_mm[k] = solved.rms_mm[k];
+                if WITH_COVARIANCE {
+                    solved.put_covariance(k, order, &mut self.rows.direction_covariance[k]);
+                }
+                measure_along::<A>(line, &self.rows.direction[k], cloud, along_mm);
             }
         }
-        found
+        solved.is_good
     }
 }
 
@@ -293,27 +297,13 @@ struct Solved {
 
 impl Solved {
     #[inline(always)]
-    fn line<const WITH_COVARIANCE: bool>(&self, k: usize, first: &[f64; 3], chord: &Chord) -> Found {
-        let mut found = Found {
-            centroid_mm: [0.0; 3],
-            direction: [0.0; 3],
-            rms_mm: self.rms_mm[k],
-            direction_covariance: [[0.0; 3]; 3],
-        };
-        for (i, &row) in chord.order.iter().enumerate() {
-            found.centroid_mm[row] = first[row] + self.mean_mm[i][k];
-            found.direction[row] = self.direction[i][k];
-        }
-        if WITH_COVARIANCE {
-            let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|i| self.covariance[i][k]);
-            let covariance = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
-            for (&row, of_row) in chord.order.iter().zip(covariance) {
-                for (&column, value) in chord.order.iter().zip(of_row) {
-                    found.direction_covariance[row][column] = value;
-                }
+    fn put_covariance(&self, k: usize, order: &[usize; 3], covariance: &mut [[f64; 3]; 3]) {
+        let [xx, xy, xz, yy, yz, zz] = [0, 1, 2, 3, 4, 5].map(|i| self.covariance[i][k]);
+        for (&row, of_row) in order.iter().zip([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) {
+            for (&column, value) in order.iter().zip(of_row) {
+                covariance[row][column] = value;
             }
         }
-        found
     }
 }
 

@@ -39,7 +39,7 @@ mod fast;
 use nalgebra::{Matrix2, Matrix3, Matrix3x2, Vector2, Vector3};
 use rayon::prelude::*;
 
-use self::fast::{Clouds, GROUP, fit_group};
+use self::fast::{Clouds, GROUP, Rows, fit_group};
 
 /// Points below which the calling thread does all lines itself.
 const PARALLEL_ABOVE: usize = 16_384;
@@ -204,16 +204,8 @@ pub fn fit_lines_for(
         .zip(covariances)
         .zip(fitted.status.par_chunks_mut(GROUP))
         .map(|((((((along, starts), centroid_mm), direction), rms_mm), direction_covariance), status)| {
-            Group {
-                end: along.0,
-                starts,
-                along_mm: along.1,
-                centroid_mm,
-                direction,
-                rms_mm,
-                direction_covariance,
-                status,
-            }
+            let rows = Rows { centroid_mm, direction, rms_mm, direction_covariance, along_mm: along.1 };
+            Group { end: along.0, starts, rows, status }
         });
     let least_groups = if points_mm.len() <= PARALLEL_ABOVE { n_lines.max(1) } else { 1 };
     groups
@@ -222,18 +214,12 @@ pub fn fit_lines_for(
     Ok(fitted)
 }
 
-/// Output rows of some neighbouring lines.
+/// Some neighbouring lines and their output.
 struct Group<'a> {
     /// Behind the last line's points.
     end: usize,
     starts: &'a [usize],
-    /// Empty where distances are not asked for.
-    along_mm: &'a mut [f64],
-    centroid_mm: &'a mut [[f64; 3]],
-    direction: &'a mut [[f64; 3]],
-    rms_mm: &'a mut [f64],
-    /// Empty where covariances are not asked for.
-    direction_covariance: &'a mut [[[f64; 3]; 3]],
+    rows: Rows<'a>,
     status: &'a mut [Status],
 }
 
@@ -244,31 +230,15 @@ impl Group<'_> {
 
     /// Fits the lines together, and one by one those for which that does not answer.
     fn fill(&mut self, points_mm: &[[f64; 3]], noise: PointNoise<'_>, clouds: &mut Clouds) {
-        let mut is_open = [true; GROUP];
+        let mut is_answered = [false; GROUP];
         if let PointNoise::FromResiduals = noise {
             let mut lines: [&[[f64; 3]]; GROUP] = [&[]; GROUP];
             for (line, points) in lines.iter_mut().enumerate().take(self.starts.len()) {
                 *points = &points_mm[self.range(line)];
             }
-            let lines = &lines[..self.starts.len()];
-            let found = if self.direction_covariance.is_empty() {
-                fit_group::<false>(lines, clouds, self.along_mm)
-            } else {
-                fit_group::<true>(lines, clouds, self.along_mm)
-            };
-            for (line, found) in found.iter().enumerate() {
-                if let Some(found) = found {
-                    self.centroid_mm[line] = found.centroid_mm;
-                    self.direction[line] = found.direction;
-                    self.rms_mm[line] = found.rms_mm;
-                    if let Some(covariance) = self.direction_covariance.get_mut(line) {
-                        *covariance = found.direction_covariance;
-                    }
-                    is_open[line] = false;
-                }
-            }
+            is_answered = fit_group(&lines[..self.starts.len()], clouds, &mut self.rows);
         }
-        for line in (0..self.starts.len()).filter(|&line| is_open[line]) {
+        for line in (0..self.starts.len()).filter(|&line| !is_answered[line]) {
             self.fill_carefully(line, points_mm, noise);
         }
     }
@@ -281,7 +251,7 @@ impl Group<'_> {
         };
         let offset = self.starts[0];
         let place = range.start - offset..range.end - offset;
-        let along_mm = self.along_mm.get_mut(place).unwrap_or_default();
+        let along_mm = self.rows.along_mm.get_mut(place).unwrap_or_default();
         let fitted = fit_line(&points_mm[range], covariances, along_mm);
         if fitted.is_err() {
             along_mm.fill(f64::NAN);
@@ -289,10 +259,10 @@ impl Group<'_> {
         self.status[line] = fitted.as_ref().err().copied().unwrap_or(Status::Ok);
         let fitted = fitted.ok();
         let fitted = fitted.as_ref();
-        self.centroid_mm[line] = fitted.map_or([f64::NAN; 3], |line| line.centroid_mm.into());
-        self.direction[line] = fitted.map_or([f64::NAN; 3], |line| line.direction.into());
-        self.rms_mm[line] = fitted.map_or(f64::NAN, |line| line.rms_mm);
-        if let Some(covariance) = self.direction_covariance.get_mut(line) {
+        self.rows.centroid_mm[line] = fitted.map_or([f64::NAN; 3], |line| line.centroid_mm.into());
+        self.rows.direction[line] = fitted.map_or([f64::NAN; 3], |line| line.direction.into());
+        self.rows.rms_mm[line] = fitted.map_or(f64::NAN, |line| line.rms_mm);
+        if let Some(covariance) = self.rows.direction_covariance.get_mut(line) {
             *covariance = fitted.map_or([[f64::NAN; 3]; 3], |line| line.direction_covariance.into());
         }
     }
