@@ -22,7 +22,7 @@ from geoerr.fit.moved_targets import numbers_of_targets, times_moved
 from geoerr.fit.other_units import other_units
 from geoerr.fit.sightings import SEE_POSITIONS, Numbers, Sightings
 from geoerr.machine import Machine
-from geoerr.observations import CARRIERS
+from geoerr.observations import CARRIERS, MEASURED
 
 # A machine that is off by this share of its travel in half of what was measured is another machine.
 _STRANGE = 0.05
@@ -180,7 +180,8 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
     Raises
     ------
     GeometryError
-        where half of the numbers of a session are off by more than a twentieth of what its points span.
+        where half of the numbers of a session, in one of its components, are off by more than a twentieth of what its
+        points span.
     """
     for number, kind in enumerate(sightings.frames):
         rows = (sightings.session == number) & ~static
@@ -189,16 +190,18 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
         seen = sightings.is_measured[rows]
         expected = nominal[rows] @ frames.rotations[number].T + frames.translations_mm[number]
         # Each target stands somewhere else than stated by what its plate is off; that is no matter of motion.
-        off = np.abs(sightings.measured_mm[rows] - expected)[seen]
+        off = np.abs(sightings.measured_mm[rows] - expected)
+        told = [number for number, has in enumerate(seen.T) if int(has.sum()) >= _FEWEST_STRANGERS]
+        median_mm, worst = max(((float(np.median(off[seen[:, i], i])), i) for i in told), default=(0.0, 0))
         span = float(np.ptp(nominal[rows], axis=0).max(initial=0.0))
-        if span > 0.0 and float(np.median(off)) > _STRANGE * span:
+        if span > 0.0 and median_mm > _STRANGE * span:
             remedy = (
                 "check that mx, my and mz are what was measured (in mm), the machine's chain, the carriers, and the "
                 "targets' offsets tx, ty and tz (mm, as the axes point)"
             )
             raise GeometryError(
                 f"the measured positions of session {sightings.sessions[number]!r} do not follow the commanded ones: "
-                f"half of them are off by more than {float(np.median(off)):.1f} mm over {span:.0f} mm\n"
+                f"half of {MEASURED[worst]} is off by more than {median_mm:.1f} mm over {span:.0f} mm\n"
                 f"hint: {next(other_units(sightings), remedy)}"
             )
 
