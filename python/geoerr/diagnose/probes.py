@@ -123,16 +123,26 @@ def curve_reference(probe: Probe, channel: str) -> str:
 def curve_term(fitted: Fitted, probe: Probe, channel: str) -> Term | None:
     """Give a probe on a channel as the term of a curve; None where the data leave nothing to draw it by.
 
-    Between places that are off by something each there is none. Beside a curve of the same variables that the fit has
-    it is what that one lacks, under another id.
+    Between places that are off by something each there is none, nor of what is left of a wave on a joint, which is no
+    displacement over its variables alone. Beside a curve of the same variables that the fit has it is what that one
+    lacks, under another id.
     """
-    if probe.form == "places":
+    if probe.form == "places" or not _is_displacement(channel):
         return None
     reference = curve_reference(probe, channel)
-    own = curve_in(fitted.terms, reference)
+    own = own_curve(fitted.terms, probe, channel)
     with contextlib.suppress(InputFileError):
         return empirical_term(fitted, reference) if own is None else finer_part(fitted, own)
     return None
+
+
+def own_curve(terms: Sequence[Term], probe: Probe, channel: str) -> Term | None:
+    """Give the curve that terms have of what a probe on a channel is; None on a joint, along which no curve acts."""
+    return curve_in(terms, curve_reference(probe, channel)) if _is_displacement(channel) else None
+
+
+def _is_displacement(channel: str) -> bool:
+    return channel.startswith(("tool-", "work-"))
 
 
 def shapes_on(channel: str, codes: Sequence[Sequence[int]], trials: Sequence[tuple[float, ...]] = ((),)) -> Shapes:

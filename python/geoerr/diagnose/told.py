@@ -14,7 +14,7 @@ from geoerr.diagnose.comparison import Comparison, all_terms
 from geoerr.diagnose.diagnosis import Diagnosis
 from geoerr.diagnose.findings import Alias, Finding, HeldOut, Separation, Unknown
 from geoerr.diagnose.moments import moments_of
-from geoerr.diagnose.probes import Probe, curve_reference, curve_term
+from geoerr.diagnose.probes import Probe, curve_reference, curve_term, own_curve
 from geoerr.diagnose.scan import estimate
 from geoerr.diagnose.search import (
     Found,
@@ -35,7 +35,7 @@ from geoerr.effects.collection import Catalogue
 from geoerr.fit import Fitted
 from geoerr.fit import refit as fit_again
 from geoerr.fit.elsewhere import beyond_the_lines_um
-from geoerr.fit.empirical import curve_in, curve_of
+from geoerr.fit.empirical import curve_of
 from geoerr.fit.periods import place_of_period
 from geoerr.fit.sightings import Numbers
 from geoerr.terms import EffectReference, Term
@@ -324,7 +324,7 @@ class _Summary:
         assert isinstance(judged.what, Probe)
         probe = judged.what
         reference = curve_reference(probe, channel_of(judged))
-        own = curve_in((*self.held_terms, *self.fitted.terms), reference)
+        own = own_curve((*self.held_terms, *self.fitted.terms), probe, channel_of(judged))
         earlier = [one.settled.term for one in self.searched.found]
         curve, held_out, beyond_um = None, None, None
         before = with_terms(self.fitted, earlier)
