@@ -55,7 +55,7 @@ class PathResult:
     moves_compared, moves_not_compared
         Moves of the first program whose path was compared, and the others: they begin or end at a place that is not
         known, or begin where homing leaves the machine, of which `compensate` corrects the end alone, or are no
-        straight moves.
+        straight moves. Behind an arc the end counts where play may hold it back.
     moves_not_followed, not_followed_line
         Lines of the first program that move and of which nothing could be compared, not even where they end, and the
         first of them (0: none): `compensate` passes them through as they are. Moves to places that are not known,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -19,6 +20,7 @@ from geoerr.verify.path_matching import END_MM, REMEDY, Run, further_pieces
 from geoerr.verify.path_tally import Tally
 from geoerr.verify.play import HeldBack, Play, Sides
 from geoerr.verify.program_motion import Courses
+from geoerr.verify.program_passages import Gone, gone_before
 from geoerr.verify.program_reader import Move
 
 Numbers: TypeAlias = npt.NDArray[np.float64]
@@ -90,7 +92,8 @@ def pieces_of(
     start_mm = _rows([one.start_mm or one.end_mm for one in moves])
     courses = Courses([one.course for one in moves if one.course is not None]) if machine.follows_motion else None
     sides = None if follower is None else follower.sides
-    counts = np.array(list(_counts(machine, batch, command_mm, courses, sides)), dtype=np.int64)
+    gone = {} if follower is None else _gone(moves, own)
+    counts = np.array(list(_counts(machine, batch, command_mm, courses, sides, gone)), dtype=np.int64)
     _refuse_unclear_extrusion(before, [number for run_in, _ in batch for number in run_in.numbers], moves, counts)
     of, first = np.repeat(np.arange(len(moves)), counts), np.cumsum(counts) - counts
     shares = _shares(machine, courses, of, first, command_mm, start_mm, end_mm)
@@ -111,7 +114,13 @@ def pieces_of(
     if courses is not None:
         motion = np.stack([courses.motion_at(of, begun), courses.motion_at(of, shares)], axis=1)
         if follower is not None:
-            held_back = follower.play.held_back(command_mm, motion[:, 1].copy())
+            held_back = follower.play.held_back(command_mm, motion[:, 1].copy(), gone)
+    is_counted = is_compared[of]
+    if motion is not None and held_back is not None:
+        # Of a move behind what passed the end alone is corrected, and may be held back.
+        ends = [at + counts[of[at]] - 1 for at, one in gone.items() if any(one.places_mm) and not is_counted[at]]
+        begin_mm[ends], begun[ends], is_counted[ends] = command_mm[ends], 1.0, True
+        motion[ends, 0], held_back.share[ends, 0] = motion[ends, 1], held_back.share[ends, 1]
     pieces = Pieces(
         begin_mm,
         command_mm,
@@ -121,7 +130,19 @@ def pieces_of(
         motion,
         held_back,
     )
-    return pieces.part(is_compared[of])
+    return pieces.part(is_counted)
+
+
+def _gone(moves: Sequence[Move], own: Sequence[Move]) -> dict[int, Gone]:
+    """Give what passed before pieces, by their numbers: what the corrected program does, whole circles as meant."""
+    meant = [one.is_whole for move in moves for one in move.passed]
+    told = [one.is_whole for move in own for one in move.passed]
+    are_whole = iter(meant if len(meant) == len(told) else told)
+    return {
+        piece: gone_before(move.passed, itertools.islice(are_whole, len(move.passed)))
+        for piece, move in enumerate(own)
+        if move.passed
+    }
 
 
 def _counts(
@@ -130,13 +151,14 @@ def _counts(
     command_mm: Numbers,
     courses: Courses | None,
     sides: Sides | None,
+    gone: Mapping[int, Gone],
 ) -> Iterator[int]:
     """Give the number of pieces of each move of a batch."""
     actual_mm = command_mm
     if courses is None:
         actual_mm = command_mm + machine.error_mm(command_mm, None)
     if sides is not None:
-        sides.begin(command_mm)
+        sides.begin(command_mm, gone)
     at = number = 0
     for run_in, run_out in batch:
         slack, last = len(run_out.moves) - len(run_in.moves), number + len(run_in.moves) - 1

@@ -10,14 +10,17 @@ Verified in tests/compensate/test_term_programs.py against carriages that follow
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from geoerr.verify.path_machine import ProgramMachine
+from geoerr.verify.program_passages import Gone
 
 Numbers = npt.NDArray[np.float64]
 
@@ -34,8 +37,19 @@ class AxisPlay:
 
     def __init__(self) -> None:
         self._direction = 0.0
-        self._at_mm = 0.0
+        self._at_mm = math.nan
         self.held_mm = 0.0
+
+    def go(self, gone: Gone, axis: int, play_mm: float) -> None:
+        """Take over what passed as it is: the drive goes from place to place, the axis follows across its play."""
+        if gone.is_lost[axis]:
+            self._direction, self._at_mm, self.held_mm = 0.0, math.nan, 0.0
+        for begin_mm, end_mm in pairwise(gone.places_mm[axis]):
+            if not self._direction:
+                self._direction = math.copysign(1.0, end_mm - begin_mm)
+            back_mm = self.held_mm - self._direction * (end_mm - begin_mm)
+            self.held_mm = min(max(back_mm, 0.0), play_mm)
+            self._at_mm = end_mm
 
     def take(self, command_mm: float, direction: float, play_mm: float) -> tuple[float, float]:
         """Take over a piece by its end, and the direction of its move; give what was held back at its begin and end.
@@ -47,7 +61,9 @@ class AxisPlay:
         if direction != self._direction:
             # Of the first direction that is known nothing says that play was ever on the other side.
             begun_mm = max(play_mm - begun_mm, 0.0) if self._direction else 0.0
-        ended_mm = begun_mm - direction * (command_mm - self._at_mm) if direction else 0.0
+        ended_mm = 0.0
+        if direction and not math.isnan(self._at_mm):
+            ended_mm = begun_mm - direction * (command_mm - self._at_mm)
         self.held_mm = min(max(ended_mm, 0.0), play_mm)
         self._direction, self._at_mm = direction, command_mm
         return begun_mm, ended_mm
@@ -92,7 +108,7 @@ class Play:
         self._machine = machine
         self._axes = [AxisPlay() for _ in range(3)]
 
-    def held_back(self, command_mm: Numbers, motion: Numbers) -> HeldBack:
+    def held_back(self, command_mm: Numbers, motion: Numbers, gone: Mapping[int, Gone]) -> HeldBack:
         """Give what is held back along pieces.
 
         Parameters
@@ -101,15 +117,30 @@ class Play:
             Where the pieces end.
         motion : (n, m)
             That of their moves there.
+        gone
+            What passed before a piece, by its number.
         """
+        behind = list(gone)
+        here_mm, motion_here = places_behind(gone, command_mm), motion[behind]
+        here_error_mm = self._machine.error_mm(here_mm, motion_here) if behind else here_mm
         held = HeldBack(np.zeros((len(command_mm), 2, 3)), np.zeros((len(command_mm), 3, 3)))
         error_mm = self._machine.error_mm(command_mm, motion)
         for axis, state in enumerate(self._axes):
             across_mm = self._machine.error_mm(command_mm, self._turned(motion, axis)) - error_mm
             direction = motion[:, _DIRECTION + axis]
             play_mm = np.maximum(direction * across_mm[:, axis], 0.0)
+            play_here_mm: dict[int, float] = {}
+            if behind:
+                across_here_mm = self._machine.error_mm(here_mm, self._turned(motion_here, axis)) - here_error_mm
+                here = np.maximum(direction[behind] * across_here_mm[:, axis], 0.0)
+                play_here_mm = dict(zip(behind, here.tolist(), strict=True))
+            ends = []
             told = zip(command_mm[:, axis].tolist(), direction.tolist(), play_mm.tolist(), strict=True)
-            ends_mm = np.array([state.take(*one) for one in told]).reshape(-1, 2)
+            for piece, one in enumerate(told):
+                if piece in play_here_mm:
+                    state.go(gone[piece], axis, play_here_mm[piece])
+                ends.append(state.take(*one))
+            ends_mm = np.array(ends).reshape(-1, 2)
             has_play = play_mm > _LEAST_PLAY_MM
             held.share[has_play, :, axis] = ends_mm[has_play] / play_mm[has_play, None]
             held.across_mm[has_play, axis] = across_mm[has_play]
@@ -129,6 +160,15 @@ class Play:
         return turned
 
 
+def places_behind(gone: Mapping[int, Gone], command_mm: Numbers) -> Numbers:
+    """Give where the machine is behind what passed, (n, 3); where that is not known, where the next piece ends."""
+    places = [
+        [to if at is None else at for at, to in zip(one.end_mm, command_mm[piece], strict=True)]
+        for piece, one in gone.items()
+    ]
+    return np.array(places, dtype=np.float64).reshape(-1, 3)
+
+
 class Sides:
     """On which sides of their play axes are, while nobody knows yet which move a command belongs to.
 
@@ -144,11 +184,23 @@ class Sides:
         self._command_mm: list[list[float]] = []
         # What the tool is elsewhere on the other side of each axis' play.
         self._across_mm: list[list[list[float]]] = []
+        self._gone: Mapping[int, Gone] = {}
+        # Play of each axis behind what passed before a command.
+        self._play_behind_mm: dict[int, list[float]] = {}
 
-    def begin(self, command_mm: Numbers) -> None:
-        """Take over the commands, (n, 3), that come next."""
-        self._command_mm = command_mm.tolist()
-        self._across_mm = []
+    def begin(self, command_mm: Numbers, gone: Mapping[int, Gone]) -> None:
+        """Take over the commands, (n, 3), that come next, and what passed before some of them."""
+        self._command_mm, self._gone = command_mm.tolist(), gone
+        self._across_mm = self._across(command_mm)
+        plays_mm = [
+            [max(one[axis], 0.0) for one in of]
+            for axis, of in enumerate(self._across(places_behind(gone, command_mm)))
+        ]
+        self._play_behind_mm = dict(zip(gone, map(list, zip(*plays_mm, strict=True)), strict=True))
+
+    def _across(self, command_mm: Numbers) -> list[list[list[float]]]:
+        """Give what the tool is elsewhere on the other side of each axis' play, at commands (n, 3)."""
+        found = []
         still = np.zeros((len(command_mm), _WINDUPS + len(self._machine.windups)))
         # Half unwound, a wind-up has the same value on both sides.
         still[:, _WINDUPS:] = 0.5
@@ -158,7 +210,8 @@ class Sides:
                 still[:, _DIRECTION + axis] = direction
                 sides_mm.append(self._machine.error_mm(command_mm, still))
             still[:, _DIRECTION + axis] = 0.0
-            self._across_mm.append((sides_mm[0] - sides_mm[1]).tolist())
+            found.append((sides_mm[0] - sides_mm[1]).tolist())
+        return found
 
     def elsewhere_mm(self, first: int, direction: Sequence[float]) -> Iterator[list[list[float]]]:
         """Give what the tool may be elsewhere than the model has it, which knows the move's direction alone.
@@ -184,6 +237,9 @@ class Sides:
             self._step(self._axes, command, direction)
 
     def _step(self, axes: Sequence[AxisPlay], command: int, direction: Sequence[float]) -> None:
+        gone = self._gone.get(command)
         for axis, across in enumerate(self._across_mm):
+            if gone is not None:
+                axes[axis].go(gone, axis, self._play_behind_mm[command][axis])
             play_mm = max(across[command][axis], 0.0)
             axes[axis].take(self._command_mm[command][axis], direction[axis], play_mm)

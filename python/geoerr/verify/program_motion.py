@@ -103,10 +103,7 @@ class Past:
             if from_mm is None or to_mm is None or abs(to_mm - from_mm) <= _STILL_MM:
                 continue
             steps[axis] = to_mm - from_mm
-            direction = math.copysign(1.0, steps[axis])
-            if direction != self._direction[axis]:
-                self._wind(axis, direction)
-                self._direction[axis], self._travel_mm[axis] = direction, 0.0
+            self._turn(axis, math.copysign(1.0, steps[axis]))
         left = tuple(
             0.5 - wound * self._direction[axis]
             for (axis, _), wound in zip(self._windups, self._wound_at_reversal, strict=True)
@@ -114,6 +111,25 @@ class Past:
         course = Course(tuple(self._direction), tuple(self._travel_mm), tuple(steps), feed_mm_min, left)
         self._travel_mm = [gone + abs(step) for gone, step in zip(self._travel_mm, steps, strict=True)]
         return course
+
+    def pass_by(self, begin: Place, strokes: Sequence[list[float] | None], miss_mm: float) -> None:
+        """Take over what passes as it is; strokes of each axis from its begin, None where nobody knows them."""
+        still_mm = max(_STILL_MM, miss_mm)
+        for axis, (at_mm, places) in enumerate(zip(begin, strokes, strict=True)):
+            if at_mm is None or places is None:
+                self.forget(axis)
+                continue
+            for end_mm in places:
+                if abs(end_mm - at_mm) > still_mm:
+                    self._turn(axis, math.copysign(1.0, end_mm - at_mm))
+                    self._travel_mm[axis] += abs(end_mm - at_mm)
+                    at_mm = end_mm
+
+    def _turn(self, axis: int, direction: float) -> None:
+        """Take over that an axis moves in a direction."""
+        if direction != self._direction[axis]:
+            self._wind(axis, direction)
+            self._direction[axis], self._travel_mm[axis] = direction, 0.0
 
     def _wind(self, axis: int, direction: float) -> None:
         """Take over that an axis turns, or moves for the first time that is known."""

@@ -17,6 +17,7 @@ from geoerr.errors import InputFileError
 from geoerr.files import refusing_unreadable
 from geoerr.model.arrays import Triple
 from geoerr.verify.program_motion import Course, Past
+from geoerr.verify.program_passages import Passage, arc_of
 from geoerr.verify.program_words import Kind, Statement, read_statement
 from geoerr.verify.still_commands import may_code_move
 
@@ -48,6 +49,11 @@ _FIRST_COMPUTED = 1e12
 # What is this near to the end of an axis is at it.
 _EDGE_MM = 1e-9
 _UNKNOWN: Place = (None, None, None)
+_ALL = (True, True, True)
+# Planes of arcs: from the first axis to the second they turn counter-clockwise.
+_PLANES = {17.0: (0, 1), 18.0: (2, 0), 19.0: (1, 2)}
+_ARC_SENSES = {2.0: -1.0, 3.0: 1.0}
+_CENTRE_WORDS = frozenset((b"I", b"J", b"K", b"R"))
 _INCH_MM = 25.4
 # Those that read programs differently.
 FIRMWARES = ("marlin", "klipper", "reprapfirmware")
@@ -56,7 +62,7 @@ UNITS_PER_MM = 10**10
 _NANO_MM_UNITS, _NANO_INCH_UNITS = 10, 254
 
 # G codes that say nothing about where the machine is.
-_STILL = frozenset((9.0, 11.0, 17.0, 18.0, 19.0, 22.0, 23.0, 61.1, 64.0, 90.1, 91.1, 96.0, 97.0, 98.0, 99.0))
+_STILL = frozenset((9.0, 11.0, 22.0, 23.0, 61.1, 64.0, 96.0, 97.0, 98.0, 99.0))
 # G codes that set, end, or take up again a shift of the program's zero besides G92.
 _SHIFTS = frozenset((52.0, 92.1, 92.2, 92.3))
 # G codes that take no D themselves, and the words that may stand beside the D of a tool's edge.
@@ -130,6 +136,8 @@ class Move(NamedTuple):
         Direction, travel and speed; None where they are not followed.
     others
         What else its line says: `S600`, `T3`, `M8`, sorted.
+    passed
+        How the machine came to where it begins, if not by the move before.
     """
 
     start_mm: Triple | None
@@ -139,6 +147,7 @@ class Move(NamedTuple):
     feed: Feed
     course: Course | None
     others: tuple[str, ...] = ()
+    passed: tuple[Passage, ...] = ()
 
 
 class Line(NamedTuple):
@@ -254,6 +263,11 @@ class _Modes:
     unit_mm: float = 1.0
     is_relative: bool = False
     motion: Motion | None = None
+    # Of arcs: 1 counter-clockwise, −1 clockwise; 0 while no code of them holds.
+    arc_sense: float = 0.0
+    # Indices of the axes of their plane, and whether I J K are a place.
+    plane: tuple[int, int] = (0, 1)
+    has_absolute_centres: bool = False
     transforms: set[float] = field(default_factory=set)
     is_inverse_time: bool = False
     is_feed_a_turn: bool = False
@@ -353,6 +367,8 @@ class ProgramReader:
         self._place: Place = _UNKNOWN
         self._is_on_path = False
         self._past = None if windups is None else Past(windups)
+        # Moves that have passed since the last one whose end is known.
+        self._passed: list[Passage] = []
         self._shift: Place = (0.0, 0.0, 0.0)
         self._shifted = [False, False, False]
         self._ranges_mm = ranges_mm
@@ -523,7 +539,7 @@ class ProgramReader:
         return is_cut or (self._firmware == "klipper" and not {20.0, 700.0}.isdisjoint(statement.codes))
 
     def _plain_move(self, plain: re.Match[bytes]) -> Move | None:
-        self._modes.motion = "straight"
+        self._modes.motion, self._modes.arc_sense = "straight", 0.0
         digit, x, y, z, e, feed = plain.groups()
         self._modes.is_rapid = digit == b"0"
         self._take_feed(_number(feed))
@@ -651,6 +667,8 @@ class ProgramReader:
         if any(letter in words for letter in _LETTERS):
             return self._motion(statement, words)
         if not (words.keys() & (_OTHER_AXES | {b"E"})):
+            if self._modes.arc_sense and _CENTRE_WORDS & words.keys() and not {2.0, 3.0}.isdisjoint(statement.codes):
+                self._pass_whole_circle(words)
             return None
         is_template = statement.has_placeholder and not _OTHER_AXES & words.keys()
         is_clear = (_has_numbers(words) or is_template) and statement.is_single
@@ -713,9 +731,33 @@ class ProgramReader:
             return self._arrive(end, extrusion, _others(statement, words, is_rapid=modes.is_rapid))
         self.n_moves += 1
         self._pass_over()
-        self._place, self._is_on_path = end, False
-        self._forget_past([True, True, True])
+        self._go(words, end)
         return None
+
+    def _pass_whole_circle(self, words: dict[bytes, float | None]) -> None:
+        """Take over an arc that gives no place: it ends where it begins."""
+        self._pass_over()
+        if _has_numbers(words):
+            self._go(words, self._place)
+        else:
+            self._forget()
+
+    def _go(self, words: dict[bytes, float | None], end: Place) -> None:
+        """Move as a line says that is not corrected, by an arc or straight."""
+        modes, arc, is_followed = self._modes, None, _ALL
+        if modes.motion != "straight":
+            origin = self._zero if modes.has_absolute_centres else None
+            arc = arc_of(words, modes.plane, modes.arc_sense, modes.unit_mm, origin) if modes.arc_sense else None
+            is_followed = _ALL if arc is not None else (False, False, False)
+        self._pass(Passage(self._place, end, is_followed, arc))
+        self._place, self._is_on_path = end, False
+
+    def _pass(self, passage: Passage) -> None:
+        """Take over what passes as it is."""
+        self._passed.append(passage)
+        if self._past is not None:
+            strokes = passage.strokes(is_whole=passage.is_whole)
+            self._past.pass_by(passage.begin_mm, strokes, passage.miss_mm)
 
     def _pass_over(self) -> None:
         """Count a line of which nobody can say where its move ends, or that it goes there straight."""
@@ -735,9 +777,9 @@ class ProgramReader:
             word = words.get(letter)
             if left[axis] or word is not None:
                 place[axis] = None if left[axis] or word is None else word * self._modes.unit_mm
-        self._place = (place[0], place[1], place[2])
-        self._is_on_path = False
-        self._forget_past(left)
+        end = place[0], place[1], place[2]
+        self._pass(Passage(self._place, end, (not left[0], not left[1], not left[2])))
+        self._place, self._is_on_path = end, False
 
     def _take_feed(self, feed: float | None) -> None:
         # Marlin passes F0 over.
@@ -762,9 +804,11 @@ class ProgramReader:
         return Feed("rapid" if is_rapid else "a turn" if modes.is_feed_a_turn else "a minute", modes.feed_mm_min)
 
     def _forget_past(self, named: list[bool]) -> None:
-        for axis in range(3):
-            if named[axis] and self._past is not None:
-                self._past.forget(axis)
+        x, y, z = (not name for name in named)
+        if not (x or y or z):
+            # What was before does not matter any more.
+            self._passed.clear()
+        self._pass(Passage(self._place, self._place, (x, y, z)))
 
     def _is_placed(self, statement: Statement) -> bool:
         """Tell whether the coordinate systems that a line selects, if it does, have places that are known."""
@@ -784,8 +828,14 @@ class ProgramReader:
         self._is_on_path = _is_known(end)
         if not _is_known(end):
             self._pass_over()
+            self._passed.append(Passage(begin, end, _ALL))
             return None
-        return Move(begin if was_on_path and _is_known(begin) else None, end, *extrusion, feed, course, others)
+        start = begin if was_on_path and _is_known(begin) else None
+        passed: tuple[Passage, ...] = ()
+        if self._passed:
+            passed = tuple(self._passed)
+            self._passed.clear()
+        return Move(start, end, *extrusion, feed, course, others, passed)
 
     def _origin(self) -> Place:
         """Give the machine coordinates from which axis words count."""
@@ -861,8 +911,16 @@ class ProgramReader:
             if modes.has_saved_place:
                 self._forget()
         else:
-            return code == 53.0 or code in _STILL
+            return code == 53.0 or code in _STILL or self._take_arcs(code)
         return True
+
+    def _take_arcs(self, code: float) -> bool:
+        """Take over how the words of arcs are read."""
+        modes = self._modes
+        modes.plane = _PLANES.get(code, modes.plane)
+        if code in (90.1, 91.1):
+            modes.has_absolute_centres = code == 90.1
+        return code in _PLANES or code in (90.1, 91.1)
 
     def _take_motion(self, code: float) -> bool:
         motion = _motion_of(code)
@@ -872,6 +930,7 @@ class ProgramReader:
             return True
         if motion is not None:
             self._modes.motion = None if motion == "none" else motion
+            self._modes.arc_sense = _ARC_SENSES.get(code, 0.0)
             self._modes.is_rapid = code == 0.0
         if motion == "ends somewhere":
             self._forget()

@@ -142,6 +142,23 @@ impl Block {
         self.text.get(usual.start as usize..).unwrap_or_default()
     }
 
+    /// What passed lines do, each behind so many of its moves.
+    pub fn passed(&self) -> impl Iterator<Item = (usize, &Effects)> {
+        let (mut effects, mut runs, mut n_moves) = (self.effects.iter(), self.runs.iter(), 0);
+        self.items.iter().filter_map(move |item| match item.step {
+            ItemStep::Pass => None,
+            ItemStep::Do => effects.next().map(|effects| (n_moves, effects)),
+            ItemStep::Correct { .. } => {
+                n_moves += 1;
+                None
+            }
+            ItemStep::Run => {
+                n_moves += runs.next().map_or(0, |run| run.n_moves);
+                None
+            }
+        })
+    }
+
     /// Where its moves end, one after the other.
     pub fn ends_of_moves(&self) -> impl Iterator<Item = EndOfMove<'_>> {
         let ends = self.targets.iter().zip(self.ends.iter().zip(&self.ways)).enumerate();

@@ -69,6 +69,13 @@ pub enum Code {
     SavePlace,
     /// `G61`: exact path, or back to the saved place.
     ExactOrRestore,
+    /// `G17` to `G19`: axes of the plane of arcs; from the first to the second they turn counter-clockwise.
+    Plane([usize; 2]),
+    /// `G90.1`, `G91.1`.
+    ArcCentre {
+        /// I, J and K are a place, not counted from the begin of the arc.
+        is_absolute: bool,
+    },
     /// Says nothing about the path.
     Harmless,
     /// Not known to geoerr.
@@ -111,8 +118,12 @@ impl Code {
             80 | 131 | 150 | 500 | 501 | 690 | 1130 | 2550 => Self::TransformOff,
             600 => Self::SavePlace,
             610 => Self::ExactOrRestore,
-            // G9, G11, G17 to G19, G22, G23, G61.1, G64, G90.1, G91.1, G96 to G99
-            90 | 110 | 170 | 180 | 190 | 220 | 230 | 611 | 640 | 901 | 911 | 960..=999 => Self::Harmless,
+            170 => Self::Plane([0, 1]),
+            180 => Self::Plane([2, 0]),
+            190 => Self::Plane([1, 2]),
+            901 | 911 => Self::ArcCentre { is_absolute: code10 == 901 },
+            // G9, G11, G22, G23, G61.1, G64, G96 to G99
+            90 | 110 | 220 | 230 | 611 | 640 | 960..=999 => Self::Harmless,
             _ => Self::Unknown,
         }
     }

@@ -5,6 +5,7 @@
 //! corrected one); so each has its own shift.
 
 use super::known::Known;
+use super::passage::Passage;
 
 /// Which of x, y, z.
 pub type Mask = [bool; 3];
@@ -82,6 +83,8 @@ pub struct Effects {
     pub shift: Shift,
     /// To the machine's place.
     pub place: Place,
+    /// How it gets there, or back where it is: by a whole circle.
+    pub passage: Passage,
     /// Happens last.
     pub kept: Kept,
 }

@@ -39,6 +39,7 @@ mod known;
 mod lexer;
 mod lines;
 mod options;
+mod passage;
 mod patch;
 pub mod path;
 mod plain;

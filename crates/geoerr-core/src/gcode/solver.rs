@@ -143,16 +143,21 @@ impl Solver {
     /// Solves moves of a block again in which corrections have turned axes, or that come to such.
     fn take_up_play(&mut self, block: &mut Block, map: &impl PathMap) {
         let mut found = Vec::new();
+        let mut passed = block.passed().peekable();
         for end in block.ends_of_moves() {
+            while let Some((_, effects)) = passed.next_if(|(n_before, _)| *n_before <= end.index) {
+                self.turns.pass(effects);
+            }
             // Behind what is refused nothing is written.
             let (Ok(nodes), Some(course)) = (block.nodes_of(&end), block.courses.get(end.index)) else {
                 continue;
             };
             let limit_mm = self.closeness[usize::from(end.target.is_inch)].limit_mm;
-            if let Some(turned) = self.turns.follow(map, course, nodes, end.target.is_first, limit_mm) {
+            if let Some(turned) = self.turns.follow(map, course, nodes, limit_mm) {
                 found.push((end.index, turned));
             }
         }
+        passed.for_each(|(_, effects)| self.turns.pass(effects));
         block.turns.extend(found.iter().filter(|(_, turned)| turned.is_turn).map(|(index, _)| *index));
         let ends: Vec<Result<Solved, f64>> = found
             .par_iter()

@@ -3,6 +3,7 @@
 mod modes;
 mod moves;
 mod owned;
+mod passed;
 mod runs;
 mod saved;
 
@@ -14,6 +15,7 @@ use super::frame::{ALL, Effects, Frame, Kept, KeptFrames, Mask, Motion, Place, S
 use super::known::Known;
 use super::lexer::{Head, Line, Word};
 use super::options::{OnUnsupported, Options, unit_mm};
+use super::passage::Passage;
 use super::path::PathMap;
 use super::plain::PlainMove;
 use super::report::{Movers, Summary, WarningKind, Warnings, excerpt};
@@ -75,6 +77,10 @@ struct Modes {
     /// None before any motion code and after `G80`; the reason where the code is not corrected.
     motion: Option<Result<(), Unsupported>>,
     is_inverse_time: bool,
+    /// Axes of the plane of arcs; from the first to the second they turn counter-clockwise.
+    plane: [usize; 2],
+    /// `G90.1`: I, J and K are places.
+    has_absolute_centres: bool,
     /// `G0`, not `G1`.
     is_rapid: bool,
     /// `G95`: feeds are millimetres a turn.
@@ -203,6 +209,8 @@ impl Reader {
                 is_relative: false,
                 motion: None,
                 is_inverse_time: false,
+                plane: [0, 1],
+                has_absolute_centres: false,
                 is_rapid: false,
                 is_feed_a_turn: false,
                 feed_mm_min: None,
@@ -284,7 +292,7 @@ impl Reader {
         self.asked = Asked::default();
         let step = match self.classify(&line, &words, body) {
             Ok(step) => Ok(step),
-            Err(what) => self.unsupported(what, &words, body),
+            Err(what) => self.unsupported(what, &line, &words, body),
         };
         self.line = line;
         let step = step?;
@@ -588,7 +596,13 @@ impl Reader {
     }
 
     /// Refuses an unsupported line, or says what is known after it has passed through.
-    fn unsupported(&mut self, what: Unsupported, words: &Words, body: &[u8]) -> Result<Step, GcodeError> {
+    fn unsupported(
+        &mut self,
+        what: Unsupported,
+        line: &Line,
+        words: &Words,
+        body: &[u8],
+    ) -> Result<Step, GcodeError> {
         if self.options.on_unsupported == OnUnsupported::Refuse {
             return Err(GcodeError::Unsupported { line: self.summary.lines, text: excerpt(body), what });
         }
@@ -616,11 +630,16 @@ impl Reader {
                         self.summary.moves_out += 1;
                         if is_lost_in_machine {
                             effects.forget = either(effects.forget, words_mm.mask());
+                            effects = self.go(effects, Passage::Unknown);
                         } else {
                             effects.place = Place::Move(self.motion_of(words_mm));
+                            effects = self.go(effects, self.passage(line));
                         }
-                        // An arc may turn on its way.
-                        self.past.forget(ALL);
+                    }
+                    // A whole circle ends where it begins; behind others only the extruder or another axis has moved.
+                    Ok(words_mm) if words.has_arc_words => {
+                        effects.place = Place::Move(self.motion_of(words_mm));
+                        effects = self.go(effects, self.passage(line));
                     }
                     Ok(_) => {}
                     Err(_) => effects.forget = ALL,

@@ -193,6 +193,8 @@ impl Reader {
                 self.warn(WarningKind::MayMove, body);
             }
             Code::Harmless => asked.takes_parameters |= code10 == 640,
+            Code::Plane(axes) => modes.plane = axes,
+            Code::ArcCentre { is_absolute } => modes.has_absolute_centres = is_absolute,
             Code::Dwell
             | Code::Settings
             | Code::Home

@@ -8,6 +8,7 @@ use crate::gcode::frame::{ALL, Effects, Mask, Motion, Place, either};
 use crate::gcode::known::Known;
 use crate::gcode::lexer::Line;
 use crate::gcode::options::unit_mm;
+use crate::gcode::passage::Passage;
 use crate::gcode::plain::PlainMove;
 use crate::gcode::report::WarningKind;
 use crate::gcode::unsupported::Unsupported;
@@ -135,7 +136,8 @@ impl Reader {
         let followed_mm: [Option<f64>; 3] =
             std::array::from_fn(|axis| words_mm.get(axis).filter(|_| !left[axis]));
         let place = Place::Move(self.motion_of(followed_mm.into()));
-        Step::pass(Effects { forget: either(self.asked.forget, left), place, ..Effects::default() })
+        let effects = Effects { forget: either(self.asked.forget, left), place, ..Effects::default() };
+        Step::pass(self.go(effects, Passage::Straight))
     }
 
     /// Whether a mode holds in which no straight move is corrected.
