@@ -245,10 +245,11 @@ def test_a_result_that_is_there_already_needs_no_room(
     """On a full disk a second run removed the programs of the first, which were the same."""
     put(right_bytes, farm.parent / "out")
 
-    def full(path: Path) -> None:
+    def full(_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("geoerr.farm.run.whole_or_absent", full)
+    monkeypatch.setattr("geoerr.farm.placing.whole_or_absent", full)
+    monkeypatch.setattr("geoerr.farm.placing.Successor._begun", full)
     done, written = results(farm)
     assert not done.failures
     assert written == right_bytes

@@ -10,8 +10,8 @@ from geoerr.files import digest
 # Twelve digits tell any two models of a workshop apart.
 _MODEL_NAME_DIGITS = 12
 
-# As the core writes it, before the first line that is changed.
-_MARK = "corrected by geoerr: model {},"
+# As the core writes it, before the first line that is changed; the model's name and a comma follow.
+_MARK = b"corrected by geoerr: model "
 
 _BLOCK_BYTES = 1 << 20
 
@@ -27,13 +27,18 @@ def name_of_content(model: bytes) -> str:
 
 
 def is_corrected_by(program: Path, model_name: str) -> bool:
-    """Say whether a program bears the mark of a model; one that came out as it went in bears none."""
-    mark = _MARK.format(model_name).encode()
+    """Say whether a program bears the mark of a model; one that came out as it went in bears none.
+
+    It is read as far as its mark: there is no second one, for a program that has one is not corrected again.
+    """
+    mark = _MARK + f"{model_name},".encode()
     kept = b""
     with program.open("rb") as stream:
         while block := stream.read(_BLOCK_BYTES):
-            if mark in (read := kept + block):
-                return True
+            read = kept + block
+            begin = read.find(_MARK)
+            if begin >= 0:
+                return (read[begin:] + stream.read(len(mark))).startswith(mark)
             # The mark may begin in one block and end in the next.
-            kept = read[-len(mark) :]
+            kept = read[-len(_MARK) :]
     return False

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any, Literal, get_args
+from typing import IO, Any, Literal, Protocol, get_args
 
 import numpy as np
 
@@ -345,6 +345,30 @@ def compensate_program(
     return _result(job, threads)
 
 
+class Writable(Protocol):
+    """What takes a corrected program, block after block."""
+
+    def write(self, block: bytes, /) -> int:
+        """Take a block; give its length."""
+
+
+def compensate_into(
+    model: Model,
+    source: str | Path,
+    stream: Writable,
+    options: CompensationOptions | None = None,
+    *,
+    at: Conditions | None = None,
+    model_name: str = "unnamed",
+    threads: int = 0,
+) -> CompensationResult:
+    """Correct the program `source` into what is open already; everything else as `compensate_program`."""
+    job = _job(model, options or CompensationOptions(), model_name, at, threads)
+    with contextlib.ExitStack() as stack:
+        _rewrite(job, source, _chunks(_opened(source, stack), None), stream, threads)
+    return _result(job, threads)
+
+
 def compensate_bytes(
     model: Model,
     program: bytes,
@@ -433,7 +457,7 @@ def _rewrite(
     job: _Job,
     source: str | Path,
     chunks: Iterable[bytes],
-    stream: IO[bytes],
+    stream: Writable,
     threads: int,
 ) -> None:
     """Write the corrected blocks, each while the next one is worked out."""

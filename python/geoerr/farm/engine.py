@@ -6,15 +6,16 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import current_process, get_context
+from multiprocessing import current_process, get_context, parent_process
 from pathlib import Path
 from queue import SimpleQueue
+from shutil import rmtree
 from tempfile import TemporaryDirectory
-from threading import Lock
+from threading import Lock, Thread
 from typing import Any, Protocol
 
 from geoerr.errors import GeoerrError
@@ -52,7 +53,7 @@ class FarmExecutor(Protocol):
 
 def finished_by(
     executor: FarmExecutor, jobs: Iterable[Job], most_jobs: float = float("inf")
-) -> Iterator[tuple[Job, Finished]]:
+) -> Generator[tuple[Job, Finished], None, None]:
     """Give each job with what became of it, as they are ready.
 
     Parameters
@@ -105,11 +106,22 @@ def _put(ready: SimpleQueue[tuple[Job, FarmFuture]], job: Job, future: FarmFutur
     ready.put((job, future))
 
 
-def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job, Finished]]:
+def finished_here(
+    jobs: Iterable[Job], n_workers: int = 0, staging: Path | None = None
+) -> Generator[tuple[Job, Finished], None, None]:
     """Give each job with what became of it, by processes of this computer: one a core, of one thread each.
 
     A process that dies takes the pool and all that it had along. Those jobs are done again, one at a time in a
     process of their own, so that only the one that kills its process is lost; the others go on in a new pool.
+
+    Parameters
+    ----------
+    jobs
+        Taken one by one as there is room.
+    n_workers
+        Processes; 0 for one a core.
+    staging
+        What jobs write in, and processes remove as well as their own files where the caller is killed.
 
     Raises
     ------
@@ -120,7 +132,7 @@ def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job
     waiting = iter(jobs)
     while True:
         lost: list[Job] = []
-        with _pool(n_workers) as pool:
+        with _pool(n_workers, staging) as pool:
             for job, finished in finished_by(pool, _until(waiting, lost), most_jobs=2 * n_workers):
                 if isinstance(finished, BrokenExecutor):
                     lost.append(job)
@@ -129,7 +141,7 @@ def finished_here(jobs: Iterable[Job], n_workers: int = 0) -> Iterator[tuple[Job
         if not lost:
             return
         _refuse_where_none_begins()
-        yield from _one_at_a_time(lost)
+        yield from _one_at_a_time(lost, staging)
 
 
 def refuse_while_beginning() -> None:
@@ -189,14 +201,14 @@ def _refuse_where_none_begins() -> None:
             raise GeoerrError(f"processes for a farm end as they begin\n{_GUARD}") from error
 
 
-def _one_at_a_time(jobs: list[Job]) -> Iterator[tuple[Job, Finished]]:
+def _one_at_a_time(jobs: list[Job], staging: Path | None) -> Iterator[tuple[Job, Finished]]:
     """Give each job with what became of it, all by one process, and by a new one where that died.
 
     A job is lost that kills a process which had no other: of one that had, it is not known what it died of.
     """
     while jobs:
         n_done = 0
-        with _pool(1) as own:
+        with _pool(1, staging) as own:
             for job, finished in finished_by(own, jobs, most_jobs=1):
                 has_died = isinstance(finished, BrokenExecutor)
                 if n_done == 0 or not has_died:
@@ -246,11 +258,12 @@ def _interrupts(*, held_back: bool) -> Iterator[None]:
 
 
 @contextmanager
-def _pool(n_workers: int) -> Iterator[ProcessPoolExecutor]:
+def _pool(n_workers: int, staging: Path | None = None) -> Iterator[ProcessPoolExecutor]:
     """Open a pool whose processes begin anew: threads of libraries do not survive a fork."""
     # What a process that is killed was working with goes with its pool.
     with TemporaryDirectory(prefix="geoerr-farm-") as folder:
-        pool = _Pool(n_workers, mp_context=get_context("spawn"), initializer=_keep_files_in, initargs=(folder,))
+        folders = (folder,) if staging is None else (folder, str(staging))
+        pool = _Pool(n_workers, mp_context=get_context("spawn"), initializer=_begin, initargs=folders)
         try:
             yield pool
         finally:
@@ -278,9 +291,22 @@ def _of_one_thread() -> Iterator[None]:
                     os.environ[name] = value
 
 
-def _keep_files_in(folder: str) -> None:
-    """Have all temporary files of this process in a folder."""
+def _begin(folder: str, *others: str) -> None:
+    """Have all temporary files of this process in a folder, and end it with the one that began it."""
     tempfile.tempdir = folder
+    Thread(target=_end_with_parent, args=(folder, *others), daemon=True).start()
+
+
+def _end_with_parent(*folders: str) -> None:
+    """Wait for the death of who began this process, and do what it cannot any more: remove what jobs work in."""
+    parent = parent_process()
+    if parent is None:
+        return
+    parent.join()
+    for folder in folders:
+        rmtree(folder, ignore_errors=True)
+    # Nobody waits for what is under way.
+    os._exit(1)
 
 
 def _cores() -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +17,8 @@ MODELS = ("model.json", "errors.json")
 # What belongs to the pictures of a session, and is no measurement.
 _OF_SESSION = ("frames.csv",)
 INPUTS = ("machine.toml", "rig.json", "effects.toml")
+# A program as bytes takes its worker four times as much.
+MOST_SENT_BYTES = 1 << 29
 
 
 @dataclass(frozen=True)
@@ -74,11 +76,49 @@ def resolved(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
+def refuse_named_twice(path: Path, tables: Iterable[str]) -> None:
+    """Refuse tables whose names differ in capitals alone: most often they are one, which would count twice.
+
+    Raises
+    ------
+    InputFileError
+        naming both.
+    """
+    named: dict[str, str] = {}
+    for name in tables:
+        other = named.setdefault(name.lower(), name)
+        if other != name:
+            raise InputFileError(
+                path / name,
+                f"has the name of {path / other} but for capitals: one table that is there twice would count twice",
+                remedy="remove one of them, or give it another name",
+            )
+
+
+def refuse_to_send(path: Path) -> None:
+    """Refuse a program that is too large to travel as bytes, of which a worker has several copies in its memory.
+
+    Raises
+    ------
+    InputFileError
+        where it has more than `MOST_SENT_BYTES`.
+    """
+    # One that cannot be read is told as it is read.
+    n_bytes = path.stat().st_size if path.is_file() else 0
+    if n_bytes > MOST_SENT_BYTES:
+        raise InputFileError(
+            path,
+            f"has {n_bytes / 1e6:.0f} MB, and more than {MOST_SENT_BYTES / 1e6:.0f} are not sent to a worker that"
+            " does not see the machine's folder and that of the results, or cannot write there",
+            remedy="share both with the workers under the paths that they have here, or use `geoerr compensate`",
+        )
+
+
 def bytes_of(files: Mapping[str, Path]) -> dict[str, bytes]:
     """Give the bytes of files; refuse one that cannot be read by its name."""
     carried = {}
     for name, path in files.items():
-        _refuse_dangling(path)
+        refuse_dangling(path)
         with refusing_unreadable(path):
             carried[name] = path.read_bytes()
     return carried
@@ -151,7 +191,8 @@ def _is_dangling(path: Path) -> bool:
     return path.is_symlink() and not path.exists()
 
 
-def _refuse_dangling(path: Path) -> None:
+def refuse_dangling(path: Path) -> None:
+    """Refuse a link that leads nowhere, by where it leads."""
     if _is_dangling(path):
         raise InputFileError(
             path, f"is a link to {path.readlink()}, which is not there", remedy="bring it there, or remove the link"
@@ -180,7 +221,7 @@ def machine_paths(farm: Path, results: Path) -> list[Path]:
 
 
 def _listed(path: Path) -> list[Path]:
-    _refuse_dangling(path)
+    refuse_dangling(path)
     try:
         return list(path.iterdir())
     except FileNotFoundError as error:

@@ -1,4 +1,4 @@
-"""What travels to a worker and what it does there: files as bytes in, files as bytes out, failures as texts."""
+"""What travels to a worker and what it does there: files as bytes, programs by their place, failures as texts."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory, gettempdir
 from geoerr import __version__
 from geoerr.errors import GeoerrError
 from geoerr.farm.outcome import StepResult
+from geoerr.farm.place import Place
 from geoerr.farm.recipe import Recipe, Step
 from geoerr.files import MAKE_ROOM_FOR_COPIES, is_full
 
@@ -32,7 +33,10 @@ class Job:
     files
         What they are done with, by name: as bytes, for a worker may have no disk in common with the caller.
     program
-        Which of them `compensate` corrects.
+        Which of them `compensate` corrects; with a `place` it is none of them.
+    place
+        Where the program stands and its result will, so that it is corrected from file to file, whatever its size; a
+        worker that does not see the same files says so.
     session
         Absolute path of a folder of pictures; gigabytes stay where they are, and the worker has to see that disk.
     version
@@ -46,6 +50,7 @@ class Job:
     files: Mapping[str, bytes]
     program: str | None = None
     session: str | None = None
+    place: Place | None = None
     version: str = __version__
 
     @cached_property
@@ -69,13 +74,18 @@ def work(job: Job) -> list[StepResult]:
             "hint: install the same version on all workers"
         )
         return [StepResult(job.steps[0], job.program, error=error)]
+    if job.place is not None and not job.place.is_seen():
+        return [StepResult(job.steps[0], job.program, is_not_seen=True)]
     results: list[StepResult] = []
     with TemporaryDirectory(prefix="geoerr-farm-") as name:
         # Messages name the caller's files, not the copies.
         said_as = {name: job.folder}
-        bench = Bench(Path(name), job.recipe, job.program, None if job.session is None else Path(job.session))
+        session = None if job.session is None else Path(job.session)
+        bench = Bench(Path(name), job.recipe, job.program, session, job.place)
         if job.session is not None:
             said_as[job.session] = job.folder
+        if job.place is not None:
+            said_as[job.place.folder] = job.folder
         try:
             bench.lay_out(job.files)
         except OSError as error:
@@ -94,9 +104,10 @@ def work(job: Job) -> list[StepResult]:
 
 def _told(job: Job, error: BaseException, said_as: Mapping[str, str]) -> str:
     """Say what went wrong as the command line does; of what geoerr does not refuse itself, say also its kind."""
-    for one in (error, error.__cause__):
+    # What is written here is copies, and no output of the caller's is meant, but where the result has its place: that
+    # is refused by its own name.
+    for one in (error, None if job.place is not None else error.__cause__):
         if is_full(one):
-            # What is written here is copies: no output of the caller's is meant.
             return f"{job.about}: no room to work in {gettempdir()}: {one.strerror}\nhint: {MAKE_ROOM_FOR_COPIES}"
     text = str(error) if isinstance(error, GeoerrError) else f"{job.about}: {type(error).__name__}: {error}"
     for there, here in said_as.items():

@@ -88,7 +88,20 @@ class Farm:
 
 @dataclass(frozen=True)
 class StepResult:
-    """What a worker hands back of a step: files as bytes, for it may have no disk in common with the caller."""
+    """What a worker hands back of a step.
+
+    Attributes
+    ----------
+    step, program, says, error, notes
+        As an `Outcome` has them.
+    files
+        What it made, by name: as bytes, for it may have no disk in common with the caller.
+    parts
+        What it wrote itself, by name: the file's name among those of its job's staging; None where what is among the
+        results already is the same.
+    is_not_seen
+        Whether nothing was done, for the worker does not see the files that the job names.
+    """
 
     step: str
     program: str | None = None
@@ -96,3 +109,5 @@ class StepResult:
     says: str = ""
     error: str | None = None
     notes: tuple[str, ...] = ()
+    parts: Mapping[str, str | None] = field(default_factory=dict)
+    is_not_seen: bool = False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
-from contextlib import suppress
+from contextlib import closing, nullcontext, suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -27,12 +27,16 @@ from geoerr.farm.folders import (
     name_of,
     programs_in,
     read_folder,
+    refuse_named_twice,
+    refuse_to_send,
     resolved,
 )
 from geoerr.farm.job import Job
 from geoerr.farm.outcome import Farm, Outcome, StepResult
+from geoerr.farm.place import place_of
+from geoerr.farm.placing import move_result, write_result
 from geoerr.farm.recipe import STEPS, Recipe, Step, results_of
-from geoerr.files import whole_or_absent
+from geoerr.farm.staging import staging_in
 
 # Called with what is done and the total: machines and programs.
 Progress = Callable[[int, int], None]
@@ -68,8 +72,9 @@ def run_farm(
         What is done with each; None for everything that its folder has something for.
     executor
         Any with `submit` as in `concurrent.futures`; None for a process on each core of this computer, which wants
-        the call behind `if __name__ == "__main__":` in a script. Files travel as bytes, so that workers need no disk
-        in common with the caller; only pictures stay where they are.
+        the call behind `if __name__ == "__main__":` in a script. A worker that sees the folders of machine and
+        results, under the caller's paths, corrects programs of any size from file to file, in constant memory; to
+        another one they travel as bytes, up to half a GiB each, and back. All other files travel so, but pictures.
     workers
         Processes where no executor is given; 0 for one a core. Neither it nor the executor changes a byte.
     on_progress
@@ -109,6 +114,8 @@ class _Run:
         self.models: dict[str, Path] = {}
         # Programs of each machine that this run corrects.
         self.programs: dict[str, tuple[str, ...]] = {}
+        # Those that a worker was to correct where they stand, and did not see there.
+        self.not_seen: set[tuple[str, str | None]] = set()
         self.n_done = self.n_all = 0
 
     def farm(self, paths: Sequence[Path]) -> Farm:
@@ -119,7 +126,7 @@ class _Run:
         self.n_all, self.n_done = len(self.outcomes), sum(map(bool, self.outcomes.values()))
         self.on_progress(self.n_done, self.n_all)
         self._do(self._model_jobs(folders))
-        self._do(self._program_jobs(folders))
+        self._correct([(folder, program) for folder in folders for program in self.programs[folder.name]])
         for folder in folders:
             if not any(self.outcomes[folder.name, program] for program in (None, *self.programs[folder.name])):
                 self.outcomes[folder.name, None] = [Outcome(folder.name, "read", says="nothing to do")]
@@ -140,6 +147,13 @@ class _Run:
         read_below = {resolved(folder) for path in paths for folder in self._program_folders(path)} - machines
         if results & machines:
             _refuse_among_inputs(self.output)
+        read = {resolved(path / program) for path in paths for program in self._programs_below(path)}
+        written = {
+            resolved(self.output / name_of(path) / one) for path in paths for one in self._programs_below(path)
+        }
+        # To a single file a link among the results may lead.
+        if not read.isdisjoint(written):
+            _refuse_among_inputs(self.output)
         for folder, others in [*((one, read_below) for one in results), *((one, results) for one in machines)]:
             if not {folder, *folder.parents}.isdisjoint(others):
                 _refuse_among_inputs(self.output)
@@ -147,10 +161,15 @@ class _Run:
     def _program_folders(self, path: Path) -> set[Path]:
         """Give the folders that a machine's programs are read from: a link may lead to one anywhere."""
         if "compensate" in self.recipe.steps:
+            return {path / "programs", *((path / name).parent for name in self._programs_below(path))}
+        return set()
+
+    def _programs_below(self, path: Path) -> tuple[str, ...]:
+        if "compensate" in self.recipe.steps:
             # A machine's folder that cannot be used has its outcome later.
             with suppress(GeoerrError, OSError):
-                return {path / "programs", *((path / name).parent for name in programs_in(path))}
-        return set()
+                return programs_in(path)
+        return ()
 
     def _read(self, path: Path) -> FarmFolder | None:
         name = name_of(path)
@@ -185,46 +204,73 @@ class _Run:
             given = () if folder.model is None else (folder.model,)
             yield from self._job(folder, tuple(steps), (*folder.inputs, *folder.tables, *given))
 
-    def _program_jobs(self, folders: Iterable[FarmFolder]) -> Iterator[Job]:
+    def _correct(self, programs: Sequence[tuple[FarmFolder, str]]) -> None:
+        """Correct programs where they stand; those that a worker does not see there travel as bytes afterwards."""
+        # Where there is no model there is nothing to be written.
+        with staging_in(self.output) if self.models and programs else nullcontext() as staging:
+            self._do(self._program_jobs(programs, staging), staging)
+        left = [one for one in programs if (one[0].name, one[1]) in self.not_seen]
+        if left:
+            self._do(self._program_jobs(left, None))
+
+    def _program_jobs(self, programs: Iterable[tuple[FarmFolder, str]], staging: Path | None) -> Iterator[Job]:
         """Make the job of each program, with the model from where it was written."""
-        for folder in folders:
-            for program in self.programs[folder.name]:
-                model = self.models.get(folder.name)
-                if model is None:
-                    self._ended(folder.name, program, [_without_model(folder, program)], [program])
-                    continue
-                yield from self._job(folder, ("compensate",), (program,), program)
+        for folder, program in programs:
+            if folder.name in self.models:
+                yield from self._job(folder, ("compensate",), (), program, staging)
+            else:
+                self._ended(folder.name, program, [_without_model(folder, program)], [program])
 
     def _job(
-        self, folder: FarmFolder, steps: tuple[Step, ...], names: tuple[str, ...], program: str | None = None
+        self,
+        folder: FarmFolder,
+        steps: tuple[Step, ...],
+        names: tuple[str, ...],
+        program: str | None = None,
+        staging: Path | None = None,
     ) -> Iterator[Job]:
         """Make one job; what cannot be read is an outcome, and nothing to do is none."""
         if not steps:
             self._ended(folder.name, program, [])
             return
         files = {name: folder.path / name for name in names}
-        if program is not None:
-            model = self.models[folder.name]
-            files[model.name] = model
+        place = None
         try:
+            refuse_named_twice(folder.path, (name for name in names if name in folder.tables))
+            if program is not None:
+                model = self.models[folder.name]
+                files[model.name] = model
+                if staging is None:
+                    files[program] = folder.path / program
+                    refuse_to_send(files[program])
+                else:
+                    place = place_of(folder, program, self.output / folder.name / program, staging)
             carried = bytes_of(files)
         except (GeoerrError, OSError) as error:
             failed = [Outcome(folder.name, steps[0], program, error=str(error))]
             self._ended(folder.name, program, failed, results_of(steps, files, program))
             return
         session = str(resolved(folder.path)) if steps[0] == "measure" else None
-        yield Job(folder.name, str(folder.path), steps, self.recipe, carried, program, session)
+        yield Job(folder.name, str(folder.path), steps, self.recipe, carried, program, session, place)
 
-    def _do(self, jobs: Iterator[Job]) -> None:
-        finished = finished_here(jobs, self.workers) if self.executor is None else finished_by(self.executor, jobs)
-        for job, became in finished:
-            if job.program is None and job.machine not in self.models:
-                self._without_programs_of_others(job.machine, _made_model(became))
-            outcomes = self._written(job, became)
-            written = {name for one in outcomes for name in one.files}
-            wanted = results_of(job.steps, job.files, job.program)
-            missed = [name for name in wanted if f"{job.machine}/{name}" not in written]
-            self._ended(job.machine, job.program, outcomes, missed)
+    def _do(self, jobs: Iterator[Job], staging: Path | None = None) -> None:
+        if self.executor is None:
+            finished = finished_here(jobs, self.workers, staging)
+        else:
+            finished = finished_by(self.executor, jobs)
+        # What is under way has ended before its staging is removed, whatever ends this.
+        with closing(finished):
+            for job, became in finished:
+                if not isinstance(became, BaseException) and any(one.is_not_seen for one in became):
+                    self.not_seen.add((job.machine, job.program))
+                    continue
+                if job.program is None and job.machine not in self.models:
+                    self._without_programs_of_others(job.machine, _made_model(became))
+                outcomes = self._written(job, became)
+                written = {name for one in outcomes for name in one.files}
+                wanted = results_of(job.steps, job.files, job.program)
+                missed = [name for name in wanted if f"{job.machine}/{name}" not in written]
+                self._ended(job.machine, job.program, outcomes, missed)
 
     def _ended(self, machine: str, program: str | None, outcomes: list[Outcome], missed: Iterable[str] = ()) -> None:
         """Keep outcomes; `missed` are files that this run should have written and did not."""
@@ -239,8 +285,7 @@ class _Run:
         outcomes = []
         for result in became:
             try:
-                files = tuple(self._write(job.machine, name, content) for name, content in result.files.items())
-                error = result.error
+                files, error = self._placed(job, result), result.error
             except (GeoerrError, OSError) as refused:
                 files, error = (), str(refused)
             says = "" if error else result.says
@@ -274,7 +319,9 @@ class _Run:
         for path in (self.output / machine / program for program in self.programs[machine]):
             # What cannot be removed cannot be written either: that is told when its turn comes.
             with suppress(OSError):
-                if model is None or not is_corrected_by(path, name_of_content(model)):
+                # A device or a pipe has no end, and is no program of an earlier run.
+                is_earlier = path.is_file()
+                if is_earlier and (model is None or not is_corrected_by(path, name_of_content(model))):
                     path.unlink()
 
     def _without_earlier(
@@ -294,32 +341,21 @@ class _Run:
                 found.append(Outcome(machine, step, program, error=told))
         return found
 
-    def _write(self, machine: str, name: str, content: bytes) -> str:
-        path = self.output / machine / name
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputFileError(
-                path.parent,
-                f"no folder for results can be made: {error.strerror}",
-                remedy="name another folder for the results, or remove the file in its place",
-            ) from error
-        if not _holds(path, content):
-            with whole_or_absent(path) as temporary:
-                temporary.write_bytes(content)
-        return f"{machine}/{name}"
+    def _placed(self, job: Job, result: StepResult) -> tuple[str, ...]:
+        """Put a step's files into their places; give their names below the output's folder."""
+        results = self.output / job.machine
+        for name, content in result.files.items():
+            write_result(results / name, content)
+        for name, part in result.parts.items():
+            # Without one, the result of an earlier call is the same.
+            if part is not None and job.place is not None:
+                move_result(Path(job.place.staging, part), results / name)
+        return tuple(f"{job.machine}/{name}" for name in (*result.files, *result.parts))
 
 
 def _refuse_among_inputs(output: Path) -> NoReturn:
     """Refuse a folder for results from which the next run would read."""
     raise InputFileError(output, "results would stand among the inputs", remedy="name another folder for the results")
-
-
-def _holds(path: Path, content: bytes) -> bool:
-    """Say whether a file is there already as it should be: what is not written needs no room on a full disk."""
-    with suppress(OSError):
-        return path.is_file() and path.stat().st_size == len(content) and path.read_bytes() == content
-    return False
 
 
 def _model_of(results: Iterable[StepResult | Outcome]) -> str | None:

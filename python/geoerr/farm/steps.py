@@ -7,11 +7,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from geoerr.compensate.mark import name_of_model
+from geoerr.compensate.program import CompensationResult, Writable, compensate_into
 from geoerr.diagnose import Verdict
 from geoerr.effects import load_catalogue, load_effects
 from geoerr.errors import InputFileError
-from geoerr.farm.folders import MODELS, TABLES, bytes_of
+from geoerr.farm.folders import MODELS, TABLES, bytes_of, refuse_to_send
 from geoerr.farm.outcome import NOTHING_CORRECTED, WARNING, StepResult
+from geoerr.farm.place import Place
+from geoerr.farm.placing import successor_of
 from geoerr.farm.recipe import Recipe, Step
 from geoerr.files import null_for_nan, write_json
 from geoerr.machine import Machine, read_machine
@@ -43,10 +47,19 @@ class Bench:
         What is to be corrected, by its name in the folder.
     session
         Pictures, where there are some to be measured.
+    place
+        Where the program stands and its result will, where it is no copy.
     """
 
-    def __init__(self, folder: Path, recipe: Recipe, program: str | None = None, session: Path | None = None) -> None:
-        self.folder, self.recipe, self.program, self.session = folder, recipe, program, session
+    def __init__(
+        self,
+        folder: Path,
+        recipe: Recipe,
+        program: str | None = None,
+        session: Path | None = None,
+        place: Place | None = None,
+    ) -> None:
+        self.folder, self.recipe, self.program, self.session, self.place = folder, recipe, program, session, place
 
     def lay_out(self, files: Mapping[str, bytes]) -> None:
         """Write the copies."""
@@ -173,34 +186,52 @@ def _diagnose(bench: Bench) -> list[StepResult]:
 
 
 def _compensate(bench: Bench) -> list[StepResult]:
-    from geoerr.compensate.mark import name_of_model
-    from geoerr.compensate.program import compensate_program
-
+    """Correct the program: from file to file where it stands, else the copy."""
     assert bench.program is not None
-    source, recipe = bench.folder / bench.program, bench.recipe
-    # Beside the copy, then in its place: what is handed back has the program's own name.
-    corrected = source.with_name(f"{source.name}.corrected")
-    model = load_model(bench.model)
-    done = compensate_program(
+    if bench.place is None:
+        source = bench.folder / bench.program
+        # Beside the copy, then in its place: what is handed back has the program's own name.
+        corrected = source.with_name(f"{source.name}.corrected")
+        with corrected.open("wb") as stream:
+            done = _corrected(bench, source, stream)
+        corrected.replace(source)
+        refuse_to_send(source)
+        return bench.result("compensate", _words(done), bench.program, notes=_notes(done))
+    part = bench.place.new_part()
+    with successor_of(Path(bench.place.result), part, bench.place.told_as) as successor:
+        done = _corrected(bench, bench.place.source, successor)
+    parts = {bench.program: part.name if successor.is_written else None}
+    return [StepResult("compensate", bench.program, says=_words(done), notes=_notes(done), parts=parts)]
+
+
+def _corrected(bench: Bench, source: Path, stream: Writable) -> CompensationResult:
+    recipe, model = bench.recipe, load_model(bench.model)
+    return compensate_into(
         model,
         source,
-        corrected,
+        stream,
         recipe.options,
         # What holds for all machines need not matter to each.
         at={name: value for name, value in recipe.at.items() if name in model.conditions},
         model_name=name_of_model(bench.model),
         threads=_THREADS,
     )
-    corrected.replace(source)
-    why_nothing = done.why_nothing_corrected
-    first = why_nothing or done.mostly_untouched
-    says = f"{done.moves_in} moves, largest correction {done.largest_correction_um:.1f} µm"
+
+
+def _words(done: CompensationResult) -> str:
+    if done.why_nothing_corrected:
+        return NOTHING_CORRECTED
+    return f"{done.moves_in} moves, largest correction {done.largest_correction_um:.1f} µm"
+
+
+def _notes(done: CompensationResult) -> tuple[str, ...]:
+    """Give what to know of a program, warnings first."""
+    first = done.why_nothing_corrected or done.mostly_untouched
     extrapolated = [str(one) for one in done.extrapolated]
-    notes = (
+    return (
         *(f"{WARNING}{said}" for said in (*([first] if first else []), *done.warnings, *extrapolated)),
         *(said for said in done.notes if said not in extrapolated),
     )
-    return bench.result("compensate", NOTHING_CORRECTED if why_nothing else says, bench.program, notes=notes)
 
 
 DONE_BY: dict[Step, Callable[[Bench], list[StepResult]]] = {
