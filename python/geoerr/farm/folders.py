@@ -17,7 +17,7 @@ MODELS = ("model.json", "errors.json")
 # What belongs to the pictures of a session, and is no measurement.
 _OF_SESSION = ("frames.csv",)
 INPUTS = ("machine.toml", "rig.json", "effects.toml")
-# A program as bytes takes its worker four times as much.
+# A program as bytes takes its worker three times as much, and the caller six times.
 MOST_SENT_BYTES = 1 << 29
 
 
