@@ -8,7 +8,7 @@ lengths (`x1 ... measured`).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Number
 from pathlib import Path
@@ -35,6 +35,7 @@ STANDARD_UNCERTAINTY = ("sx", "sy", "sz")
 PIXELS = ("u_left", "v_left", "u_right", "v_right")
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 _AXES = ("x", "y", "z")
+_OFFSETS = ("tx", "ty", "tz")
 _UNITS = {**dict.fromkeys((*_AXES, "r", "measured"), "mm"), "feed": "mm/min"}
 # A summary names as many, and counts more.
 _MOST_NAMED = 8
@@ -48,7 +49,7 @@ POINT_COLUMNS = Schema(
     required=("x", "y", "z"),
     filled=("x", "y", "z"),
     numbers=(
-        *("x", "y", "z", "tx", "ty", "tz"),
+        *(*_AXES, *_OFFSETS),
         *MEASURED,
         *STANDARD_UNCERTAINTY,
         *COVARIANCE,
@@ -57,6 +58,7 @@ POINT_COLUMNS = Schema(
     ),
     whole_numbers=("repeat", *DIRECTIONS, "moving"),
     signs=DIRECTIONS,
+    flags=("moving",),
     texts=("line", "session", "target", "group"),
     choices=(("carrier", CARRIERS),),
 )
@@ -80,9 +82,11 @@ LENGTH_COLUMNS = Schema(
 _FIRST_SESSION = "0"
 # Three years: a time that begins later counts from no session's begin.
 _SINCE_NO_SESSION_S = 1e8
+# A target farther from the tool than so many times the machine's three ranges together hangs on no machine.
+_MOST_LEVER = 10.0
 # Filled in where a column or a cell is absent (docs/reference/formats/observations.md).
 _TEXT_DEFAULTS = {"line": "", "target": "", "carrier": "tool"}
-_NUMBER_DEFAULTS = {"tx": 0.0, "ty": 0.0, "tz": 0.0}
+_NUMBER_DEFAULTS = dict.fromkeys(_OFFSETS, 0.0)
 _WHOLE_DEFAULTS = {"repeat": 0, "moving": 0}
 
 
@@ -133,7 +137,7 @@ class Observations:
     @property
     def target_offset_mm(self) -> Numbers:
         """Target offsets `tx ty tz`, (n, 3)."""
-        return self.numbers("tx", "ty", "tz")
+        return self.numbers(*_OFFSETS)
 
     @property
     def measured_mm(self) -> Numbers:
@@ -338,28 +342,14 @@ def _of_the_machine(
     ranges_mm: Mapping[str, tuple[float, float]] | None,
     path: str | Path,
 ) -> tuple[pl.DataFrame, tuple[RowProblem, ...]]:
-    """Set aside rows that were commanded where no machine of this range can be: one would stretch every function.
+    """Set aside rows whose place or target is where no machine of this range can be: one stretches every function.
 
     Places a little outside are kept and noted by the fit: ranges are stated carelessly. None is left where a table
     counts from another zero: then it is refused, for nothing of it is of this machine.
     """
     if ranges_mm is None:
         return frame, problems
-    found = []
-    for axis in _AXES:
-        low, high = ranges_mm[axis]
-        beyond_mm = pl.max_horizontal(low - pl.col(axis), pl.col(axis) - high)
-        far = frame.filter(beyond_mm > high - low)
-        found += [
-            RowProblem(
-                str(path),
-                row,
-                axis,
-                f"{value:g} mm is farther outside the range of {axis}, {low:g} to {high:g} mm, than that is long: "
-                "correct the row, or state the machine's range as it is",
-            )
-            for row, value in zip(far["file_row"], far[axis], strict=True)
-        ]
+    found = [*_far_commands(frame, ranges_mm, path), *_far_targets(frame, ranges_mm, path)]
     kept = frame.filter(~pl.col("file_row").is_in([one.row for one in found]))
     if found and kept.is_empty():
         problem, _, remedy = found[0].problem.partition(": ")
@@ -368,9 +358,46 @@ def _of_the_machine(
             f"{problem}; no usable row is left",
             row=found[0].row,
             column=found[0].column,
-            remedy=f"{remedy}, or count places from the machine's zero",
+            remedy=remedy if found[0].column in _OFFSETS else f"{remedy}, or count places from the machine's zero",
         )
     return kept, tuple(sorted((*problems, *found), key=lambda one: one.row))
+
+
+def _far_commands(
+    frame: pl.DataFrame, ranges_mm: Mapping[str, tuple[float, float]], path: str | Path
+) -> Iterator[RowProblem]:
+    for axis in _AXES:
+        low, high = ranges_mm[axis]
+        beyond_mm = pl.max_horizontal(low - pl.col(axis), pl.col(axis) - high)
+        far = frame.filter(beyond_mm > high - low)
+        for row, value in zip(far["file_row"], far[axis], strict=True):
+            yield RowProblem(
+                str(path),
+                row,
+                axis,
+                f"{value:g} mm is farther outside the range of {axis}, {low:g} to {high:g} mm, than that is long: "
+                "correct the row, or state the machine's range as it is",
+            )
+
+
+def _far_targets(
+    frame: pl.DataFrame, ranges_mm: Mapping[str, tuple[float, float]], path: str | Path
+) -> Iterator[RowProblem]:
+    """Name targets so far off that their lever would outweigh every other row; on the base it is not read."""
+    most_mm = _MOST_LEVER * sum(high - low for low, high in ranges_mm.values())
+    is_read = pl.col("carrier").fill_null("") != "base" if "carrier" in frame.columns else pl.lit(value=True)
+    for name in _OFFSETS:
+        if name not in frame.columns:
+            continue
+        far = frame.filter(is_read & (pl.col(name).abs() > most_mm))
+        for row, value in zip(far["file_row"], far[name], strict=True):
+            yield RowProblem(
+                str(path),
+                row,
+                name,
+                f"a target {value:g} mm from the tool is on no machine of this size: "
+                "correct the row (offsets are in mm)",
+            )
 
 
 def read_lengths(path: str | Path) -> Lengths:

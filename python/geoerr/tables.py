@@ -31,6 +31,8 @@ _MOST_OF_A_MESSAGE = 200
 _COMMENT = "#"
 # What loggers write where a sensor said nothing.
 _UNKNOWN = ("n/a", "na", "#n/a", "null", "none", "-", "--", "?")
+# Beyond this a square, and then a sum of them, is no number any more.
+_LARGEST = 1e100
 _NOT_A_NUMBER = "{value!r} is not a number"
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
@@ -66,6 +68,8 @@ class Schema:
         Columns of whole numbers.
     signs
         Those of them that say a direction: −1, 0 or 1.
+    flags
+        Those of them that say no or yes: 0 or 1.
     texts
         Columns of free text.
     choices
@@ -78,6 +82,7 @@ class Schema:
     numbers: tuple[str, ...]
     whole_numbers: tuple[str, ...] = ()
     signs: tuple[str, ...] = ()
+    flags: tuple[str, ...] = ()
     texts: tuple[str, ...] = ()
     choices: tuple[tuple[str, tuple[str, ...]], ...] = ()
     filled: tuple[str, ...] = ()
@@ -377,3 +382,7 @@ def _wrong_numbers(name: str, schema: Schema, text: pl.Series, numbers: pl.Serie
         yield numbers.is_finite() & (numbers != numbers.round()), "{value!r} is not a whole number"
     if name in schema.signs:
         yield numbers.is_finite() & (numbers.abs() > 1.0), "{value!r} is no direction: −1, 0 or 1"
+    if name in schema.flags:
+        yield numbers.is_finite() & ~numbers.is_in([0.0, 1.0]), "{value!r} is neither 0 (no) nor 1 (yes)"
+    if name in schema.numbers and not is_temperature(name):
+        yield numbers.is_finite() & (numbers.abs() > _LARGEST), "{value!r} is larger than anything that is measured"

@@ -202,6 +202,36 @@ def test_a_row_that_cannot_be_of_the_machine_is_set_aside(tmp_path: Path) -> Non
         read_observations(write(tmp_path, f"{header}\n{rows[1]}\n", "other.csv"), ranges_mm=ranges)
 
 
+def test_a_target_that_hangs_on_no_machine_is_set_aside(tmp_path: Path) -> None:
+    """One mistyped lever outweighs every other row; a target on the base has none that is read."""
+    ranges = Machine.from_chain("wbXYZt", (400.0, 400.0, 300.0)).ranges_mm
+    header, rows = "carrier,x,y,z,tx,ty,tz,mx,my,mz", ["tool,10,0,0,0,1e7,0,1,2,3", "base,10,0,0,1e7,0,0,1,2,3"]
+    path = write(tmp_path, "\n".join([header, *rows, "work,10,0,0,300,0,0,1,2,3"]) + "\n")
+    observations = read_observations(path, ranges_mm=ranges)
+    assert observations.texts("carrier") == ["base", "work"]
+    (problem,) = map(str, observations.set_aside)
+    assert problem.startswith(f"{path}:2: ty: a target 1e+07 mm from the tool is on no machine of this size: correct")
+    with pytest.raises(InputFileError, match=r":2: ty: .*no usable row is left\n.*in mm\)$"):
+        read_observations(write(tmp_path, f"{header}\n{rows[0]}\n", "other.csv"), ranges_mm=ranges)
+
+
+@pytest.mark.parametrize(
+    ("cells", "column", "words"),
+    [
+        ("1,2,3,4,2,", "moving", "'2' is neither 0 (no) nor 1 (yes)"),
+        ("1,2,3,1e300,1,", "mx", "'1e300' is larger than anything that is measured"),
+        ("1,2,3,4,1,-1e300", "sx", "'-1e300' is larger than anything that is measured"),
+    ],
+)
+def test_a_cell_that_no_measurement_gives_sets_its_row_aside(
+    tmp_path: Path, cells: str, column: str, words: str
+) -> None:
+    path = write(tmp_path, f"x,y,z,mx,moving,sx\n1,2,3,4,1,0.1\n{cells}\n1,2,3,4,0,0.1\n")
+    observations = read_observations(path)
+    assert observations.frame["moving"].to_list() == [1, 0]
+    assert [(one.row, one.column, one.problem) for one in observations.set_aside] == [(3, column, words)]
+
+
 @pytest.mark.parametrize(
     ("text", "row", "column", "words"),
     [

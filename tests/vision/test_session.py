@@ -215,6 +215,13 @@ def test_a_temperature_that_is_no_number_sets_its_row_aside(folder: Path) -> Non
     assert session.frames["temp_bed"].to_list() == [20.0]
 
 
+def test_directions_and_flags_are_judged_as_in_observations(folder: Path) -> None:
+    """Else `measure` writes rows that every reader sets aside."""
+    rows = ["a,b,0,0,0,1,0", "c,d,1,0,0,2,0", "e,f,1,0,0,-1,7"]
+    (folder / "frames.csv").write_text("\n".join(["left,right,x,y,z,dir_x,moving", *rows, ""]))
+    assert [(one.row, one.column) for one in read_session(folder).set_aside] == [(3, "dir_x"), (4, "moving")]
+
+
 def test_bad_rows_are_set_aside(folder: Path) -> None:
     rows = ["a,b,0,0,0", "a,b,zero,0,0", "a,,0,0,0", "c,c,0,0,0", "a,b,nan,0,0", "d,e,1,0,0"]
     (folder / "frames.csv").write_text("left,right,x,y,z\n" + "\n".join(rows) + "\n")

@@ -18,7 +18,7 @@ import polars as pl
 from geoerr.errors import InputFileError
 from geoerr.files import read_toml
 from geoerr.machine import Machine, read_machine
-from geoerr.observations import CARRIERS, COVARIANCE, MEASURED, PIXELS, STANDARD_UNCERTAINTY
+from geoerr.observations import CARRIERS, COVARIANCE, DIRECTIONS, MEASURED, PIXELS, STANDARD_UNCERTAINTY
 from geoerr.tables import RowProblem, Schema, check, read_raw
 from geoerr.vision.patterns import (
     Board,
@@ -48,7 +48,9 @@ FRAME_COLUMNS = Schema(
     required=("left", "right", "x", "y", "z"),
     filled=("left", "right", "x", "y", "z"),
     numbers=("x", "y", "z", "t", "feed", "temp"),
-    whole_numbers=("repeat", "dir_x", "dir_y", "dir_z", "moving"),
+    whole_numbers=("repeat", *DIRECTIONS, "moving"),
+    signs=DIRECTIONS,
+    flags=("moving",),
     texts=("left", "right", "line", "session", "group"),
 )
 _DESCRIPTION = "session.toml"
