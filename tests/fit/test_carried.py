@@ -110,3 +110,11 @@ def test_one_component_that_follows_nothing_is_refused_by_its_name() -> None:
     frame = observations.frame.with_columns(mz=pl.Series(wild))
     with pytest.raises(GeometryError, match=r"do not follow the commanded ones: half of m[xyz] is off by more"):
         fitted(machine_of(CHAIN), Observations(frame, observations.sources))
+
+
+def test_a_laser_that_saw_what_stands_still_move_is_refused() -> None:
+    """One component tells no carrier, and a place that never changes spans nothing to compare with."""
+    z_mm = np.tile(np.linspace(0.0, 300.0, 13), 2)
+    run = observations_from_columns({"carrier": "tool", "x": 100.0, "y": 100.0, "z": z_mm, "mz": -z_mm})
+    with pytest.raises(GeometryError, match=r"half of mz is off by more than 75\.0 mm over 300 mm\n.*the carriers"):
+        fitted(machine_of(CHAIN), run)

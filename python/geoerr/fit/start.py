@@ -181,7 +181,7 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
     ------
     GeometryError
         where half of the numbers of a session, in one of its components, are off by more than a twentieth of what its
-        points span.
+        points span; where none of them moves, of what was commanded.
     """
     for number, kind in enumerate(sightings.frames):
         rows = (sightings.session == number) & ~static
@@ -193,7 +193,8 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
         off = np.abs(sightings.measured_mm[rows] - expected)
         told = [number for number, has in enumerate(seen.T) if int(has.sum()) >= _FEWEST_STRANGERS]
         median_mm, worst = max(((float(np.median(off[seen[:, i], i])), i) for i in told), default=(0.0, 0))
-        span = float(np.ptp(nominal[rows], axis=0).max(initial=0.0))
+        # What stands still as its carrier says may have followed the commands all the same.
+        span = _span_mm(nominal[rows]) or _span_mm(sightings.commanded_mm[rows])
         if span > 0.0 and median_mm > _STRANGE * span:
             remedy = (
                 "check that mx, my and mz are what was measured (in mm), the machine's chain, the carriers, and the "
@@ -204,6 +205,10 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
                 f"half of {MEASURED[worst]} is off by more than {median_mm:.1f} mm over {span:.0f} mm\n"
                 f"hint: {next(other_units(sightings), remedy)}"
             )
+
+
+def _span_mm(points: Numbers) -> float:
+    return float(np.ptp(points, axis=0).max(initial=0.0))
 
 
 def _one_line(points: Numbers) -> tuple[Numbers, bool]:
