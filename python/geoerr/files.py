@@ -21,6 +21,9 @@ from geoerr.errors import InputFileError, ShapeError
 # size, a user's share of a disk.
 _NO_ROOM = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _MAKE_ROOM = "make room on its disk, or name an output on another"
+_IS_JSON = "this is JSON, as models and tables of errors are: name the .toml file"
+_TOML_REMEDY = "correct that line: tables are written as [name], keys as name = value; or name the .toml file"
+_UNUSABLE = "write the file again: it is of another kind, or was changed"
 MAKE_ROOM_FOR_COPIES = "make room there, or set TMPDIR to a folder on another disk"
 
 
@@ -160,11 +163,14 @@ def read_json(path: str | Path) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         raise InputFileError(
-            path, f"not valid JSON: {error.msg} (character {error.colno})", row=error.lineno
+            path,
+            f"not valid JSON: {error.msg} (character {error.colno})",
+            row=error.lineno,
+            remedy="write the file again: it was cut short, changed, or is of another kind",
         ) from error
     except (ValueError, RecursionError) as error:
         # A number of thousands of digits, or lists within lists without end.
-        raise InputFileError(path, f"not usable JSON: {error}") from error
+        raise InputFileError(path, f"not usable JSON: {error}", remedy=_UNUSABLE) from error
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -173,12 +179,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        is_json = text.lstrip().startswith("{")
-        remedy = "this is JSON, as models and tables of errors are: name the .toml file" if is_json else None
+        remedy = _IS_JSON if text.lstrip().startswith("{") else _TOML_REMEDY
         raise InputFileError(path, f"not valid TOML: {error}", remedy=remedy) from error
     except (ValueError, RecursionError) as error:
         # A number of thousands of digits, or tables within tables without end.
-        raise InputFileError(path, f"not usable TOML: {error}") from error
+        raise InputFileError(path, f"not usable TOML: {error}", remedy=_UNUSABLE) from error
 
 
 def digest(path: str | Path) -> str:

@@ -199,7 +199,12 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
         raise InputFileError(path, "holds no machine description", column="machine")
     head = document.get("machine")
     if not isinstance(head, dict):
-        raise InputFileError(path, "the table [machine] is missing", column="machine")
+        raise InputFileError(
+            path,
+            "the table [machine] is missing",
+            column="machine",
+            remedy='write [machine] with its structural code, for example chain = "wZbXYt"',
+        )
     _refuse_slips(head, _KEYS, "machine", path)
     rows = rows_from_document(document["dh"], path) if "dh" in document else ()
     axes_document = document.get("axes")
@@ -217,11 +222,14 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
     temperature = head.get("reference_temperature", 20.0)
     if _finite_numbers([temperature], 1) is None:
         raise InputFileError(
-            path, f"{temperature!r} is not a temperature in °C", column="machine.reference_temperature"
+            path,
+            f"{temperature!r} is not a temperature in °C",
+            column="machine.reference_temperature",
+            remedy="write a number, such as 20.0",
         )
     name = head.get("name", "machine")
     if not isinstance(name, str):
-        raise InputFileError(path, f"{name!r} is not a text", column="machine.name")
+        raise InputFileError(path, f"{name!r} is not a text", column="machine.name", remedy=_TEXT_HINT)
     return Machine(
         name=name,
         chain=chain,
@@ -236,6 +244,7 @@ def machine_from_document(document: Any, path: str | Path) -> Machine:
 _KEYS = ("name", "chain", "reference_temperature", "tool_offset")
 _AXIS_KEYS = ("range", "material")
 _RANGE_HINT = "write e.g. [axes.x] range = [0.0, 400.0], in millimetres"
+_TEXT_HINT = "write it in quotes"
 _CHAIN_HINT = "work to tool with b for the base and each of X, Y, Z once, for example wZbXYt"
 
 
@@ -326,7 +335,7 @@ def _checked_axis(table: Any, name: str, path: str | Path) -> Axis:
         )
     material = table.get("material")
     if material is not None and not isinstance(material, str):
-        raise InputFileError(path, f"{material!r} is not a text", column=f"axes.{name}.material")
+        raise InputFileError(path, f"{material!r} is not a text", column=f"axes.{name}.material", remedy=_TEXT_HINT)
     return Axis(range_mm=(limits[0], limits[1]), material=material)
 
 

@@ -93,6 +93,32 @@ def test_broken_toml_is_refused(tmp_path: Path) -> None:
         read_machine(path)
 
 
+@pytest.mark.parametrize(
+    ("text", "words", "remedy"),
+    [
+        ("line,x,y,z\n", "not valid TOML", "name the .toml file"),
+        ("", r"the table \[machine\] is missing", 'chain = "wZbXYt"'),
+        ('[machine]\nchain = "wZbXYt"\nreference_temperature = "20"\n', "not a temperature", "write a number"),
+        ('[machine]\nname = 7\nchain = "wZbXYt"\n', "not a text", "in quotes"),
+        ('[machine]\nchain = "wZbXYt"\n[axes.x]\nmaterial = 1\nrange = [0, 1]\n', "not a text", "in quotes"),
+    ],
+)
+def test_what_to_do_is_said_of_a_machine_that_is_refused(tmp_path: Path, text: str, words: str, remedy: str) -> None:
+    ranges = "".join(f"[axes.{axis}]\nrange = [0, 400]\n" for axis in "xyz" if f"axes.{axis}" not in text)
+    path = tmp_path / "machine.toml"
+    path.write_text(text + ranges)
+    with pytest.raises(InputFileError, match=words) as caught:
+        read_machine(path)
+    assert remedy in (caught.value.remedy or "")
+
+
+def test_a_model_that_was_cut_short_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "errors.json"
+    path.write_text('{"schema": "geoerr-err')
+    with pytest.raises(InputFileError, match=r"errors\.json:1: not valid JSON: .*\nhint: .*was cut short"):
+        read_errors(path)
+
+
 def test_a_model_in_the_place_of_a_machine_is_told(tmp_path: Path) -> None:
     path = tmp_path / "model.json"
     path.write_text('{"machine": {}}', encoding="utf-8")
