@@ -292,7 +292,10 @@ impl Unsupported {
             Self::OtherToolLength { .. } | Self::OtherEdge { .. } | Self::LengthOfOtherTool => {
                 "write one program for each tool and put its length into --work-offset"
             }
-            Self::ZeroShift { .. } | Self::BareShift | Self::UnknownSystem { .. } => {
+            Self::UnknownSystem { .. } => {
+                "let the program set it before (G10 L2 P2 X Y Z for G55, P3 for G56 ...), or work in G54, whose place is --work-offset"
+            }
+            Self::ZeroShift { .. } | Self::BareShift => {
                 "write the offset as G10 L2 P1 or G92 with words, or give it with --work-offset"
             }
             Self::HomingAfterShift => "name the firmware: --firmware marlin, klipper or reprapfirmware",

@@ -481,3 +481,11 @@ fn options_that_make_no_sense() {
     let error = run(scaled(), coarse, "G28\nG1 X10 Y0 Z0\n").unwrap_err();
     assert!(matches!(error, GcodeError::TooFewDigits { line: 2, digits: 2, .. }), "{error:?}");
 }
+
+#[test]
+fn a_system_that_nobody_set_is_not_told_to_set_another() {
+    let refused = reason("G90\nG55\nG0 X5\n");
+    assert_eq!(refused, Unsupported::UnknownSystem { code10: 550 });
+    assert!(refused.remedy().contains("G10 L2 P2 X Y Z for G55"));
+    assert!(refused.remedy().contains("work in G54, whose place is --work-offset"));
+}
