@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ from geoerr.observations import (
 from geoerr.simulate.effects import AVAILABLE_EFFECTS
 from geoerr.simulate.entries import Entries
 from geoerr.simulate.plan import read_plan
-from geoerr.terms import Parameter
+from geoerr.terms import BasisKind, Parameter
 from geoerr.vision.calibrate import Calibration
 from geoerr.vision.measured import Measured
 from geoerr.vision.scale_bar import ScaleBarResult
@@ -335,6 +335,14 @@ def test_keys_of_a_model(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Non
     assert top | {key for key in of_terms if "." not in key} == on_page - {"basis"}
     words = words_of("models.md")
     assert {key.rpartition(".")[2] for key in of_terms} <= words | {"what", "within"}
+
+
+def test_functions_of_every_basis_are_on_the_page() -> None:
+    of_bases = [one for one in tables_of("models.md") if one.header[0] == "`kind` of a basis"]
+    assert {kind for table in of_bases for row in table.rows for kind in _CODE.findall(row[0])} == {
+        *get_args(BasisKind),
+        "is_tangent_integral",
+    }
 
 
 def test_keys_of_a_plan(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
