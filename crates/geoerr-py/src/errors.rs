@@ -175,6 +175,7 @@ impl From<LeastSquaresError> for CoreError {
             | E::RowsDiffer { .. }
             | E::ColumnsDiffer { .. }
             | E::Cuts { .. }
+            | E::NotOwn { .. }
             | E::NoSuchRightHandSide { .. } => ShapeError::new_err(message),
             E::NonFinite { .. } | E::Overflow { .. } | E::Tolerance { .. } | E::NotDecomposed { .. } => {
                 GeometryError::new_err(message)

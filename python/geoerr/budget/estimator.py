@@ -44,7 +44,7 @@ class Estimator:
         self.places = fitted.places_of_unknowns
         self.n_parameters = len(owners_of(fitted.terms))
         # Rows along which free directions stay smallest: what the data say is the same for both factors.
-        self.covariance = fitted.root @ np.asarray(fitted.solved.solution.covariance_root).T
+        self.covariance = fitted.root_of_all @ np.asarray(fitted.solved.solution.covariance_root).T
         self.gain = self.covariance[: len(self.places)]
         self.state = fitted.state_of_columns
         self.is_linear = len(self.places) == fitted.compiled.n_coefficients

@@ -50,6 +50,7 @@ from geoerr.fit.smoothness import Smoothness, choose_smoothness, prior_rows
 from geoerr.fit.solve import Ranges, Solved, solve
 from geoerr.fit.standing import Standing, known_variables, midway, standing
 from geoerr.fit.start import Frames, nominal_mm, refuse_strangers, start_frames, target_places
+from geoerr.fit.triangles import holding
 from geoerr.fit.turns import turned_in_plane
 from geoerr.fit.undetermined import Undetermined, is_a_line
 from geoerr.fit.variables import complete_rows_of, times_s, variable_columns, why_lacking, with_rows
@@ -332,7 +333,7 @@ class Posed:
         """Give the rolls of the sessions that have one for an unknown (k,), rad, and their standard errors."""
         places = slice(self._n_other_shared, self._n_other_shared + len(self.rolls))
         solution, first = fitted.solved.solution, fitted.problem.first_shared_column
-        spread = np.sqrt((solution.covariance_root[first:][places] ** 2).sum(axis=1)) * fitted.unit
+        spread = solution.spread[first:][places] * fitted.unit
         is_determined = np.asarray(solution.is_determined)[first:][places]
         return np.asarray(fitted.solved.state.shared)[places], np.where(is_determined, spread, np.inf)
 
@@ -396,7 +397,7 @@ class Posed:
         limits = limits_of(terms, mm_per_unit, problem.n_columns)
         # A machine that is known moves points off their lines, and frames roll by that.
         held = held_rolls(self.frames, sightings, problem) if self.given is None else np.zeros((0, problem.n_columns))
-        gauge = np.vstack([gauge, np.eye(problem.n_columns)[nothing], held])
+        gauge = np.vstack([gauge, holding(nothing, problem.n_columns), held])
         start, known_triangle = problem.start, None
         if known_fit is not None and around is None:
             known_triangle = known_columns(known_fit, terms, compiled, problem, sightings, shared)
@@ -604,8 +605,7 @@ class Posed:
         places = [*range(compiled.n_coefficients), *(compiled.n_coefficients + place for place in free)]
         covariance = np.zeros((compiled.n_coefficients + compiled.n_inner,) * 2)
         null_space = np.zeros((len(covariance), solved.solution.null_space.shape[1]))
-        all_root = held_smallest(solved.solution.covariance_root, solved.solution.null_space, limits)
-        root = all_root[:n_model]
+        root = held_smallest(solved.solution.covariance_root_of_first(n_model), solved.solution.null_space, limits)
         covariance[np.ix_(places, places)] = root @ root.T * scale**2
         jumps = jump_errors(problem, solved, terms, sightings, free, scale, threads=self.options.threads)
         for place, error in jumps.items():
@@ -632,7 +632,8 @@ class Posed:
             problem=problem,
             solved=solved,
             covariance=covariance,
-            root=all_root,
+            root=root,
+            limits=limits,
             null_space=null_space[:, touches],
             undetermined=Undetermined(
                 terms,

@@ -14,6 +14,7 @@ from geoerr.distributions import chi_squared_ppf
 from geoerr.error_functions import NotDetermined
 from geoerr.fit.covariance_parts import SharedNoise
 from geoerr.fit.figures import ErrorFigures, figures_of
+from geoerr.fit.free_directions import held_smallest
 from geoerr.fit.held_out import HeldOut, folds_of, leave_out
 from geoerr.fit.knots import KnotChoice
 from geoerr.fit.lengths import told_in_base_axes
@@ -70,7 +71,9 @@ class Fitted(KeepsWorkedOut):
     covariance
         Of all parameters (coefficients of all terms, then inner), scaled.
     root
-        (n_columns, rank) R with R Rᵀ the unscaled covariance of all unknowns; along free directions the smallest.
+        (k, rank) of the model's unknowns R with R Rᵀ their unscaled covariance; along free directions the smallest.
+    limits
+        (n_columns,) what is absurd for each unknown.
     null_space
         (m, k) over the same parameters: directions that the data do not determine.
     undetermined
@@ -102,6 +105,7 @@ class Fitted(KeepsWorkedOut):
     solved: Solved
     covariance: Numbers
     root: Numbers
+    limits: Numbers
     null_space: Numbers
     undetermined: Undetermined
     scale: float
@@ -124,6 +128,12 @@ class Fitted(KeepsWorkedOut):
     ) -> Fitted:
         """Fit other terms to the same data; keywords are those of `Posed.fit`."""
         return self.fit_of_terms(terms, one_step=one_step, used=used, around=around, known_fit=self)
+
+    @property
+    def root_of_all(self) -> Numbers:
+        """`root` of all unknowns, (n_columns, rank): of many sessions mostly zeros, and as large as their square."""
+        solution = self.solved.solution
+        return held_smallest(solution.covariance_root, solution.null_space, self.limits)
 
     @property
     def not_determined(self) -> tuple[NotDetermined, ...]:

@@ -62,14 +62,18 @@ def limits_of(terms: Sequence[Term], mm_per_unit: Numbers, n_columns: int) -> Nu
 
 
 def held_smallest(values: Numbers, null_space: Numbers, limits: Numbers) -> Numbers:
-    """Give unknowns (n,) or (n, k) moved along the free directions to where they are smallest."""
+    """Give unknowns (n,) or (n, k) moved along the free directions to where they are smallest.
+
+    They may be the first ones alone, where the size of no other matters.
+    """
     if not null_space.shape[1]:
         return values
-    weighted = null_space / limits[:, None]
-    of_values = values / (limits if values.ndim == 1 else limits[:, None])
+    first = limits[: len(values)]
+    weighted = null_space[: len(values)] / first[:, None]
+    of_values = values / (first if values.ndim == 1 else first[:, None])
     size = np.linalg.norm(weighted, axis=0)
     matters = size > _RANK * np.linalg.norm(null_space, axis=0)
-    directions = null_space[:, matters] / size[matters]
+    directions = null_space[: len(values), matters] / size[matters]
     moves, *_ = np.linalg.lstsq(weighted[:, matters] / size[matters], of_values, rcond=_RANK)
     return np.asarray(values - directions @ moves)
 

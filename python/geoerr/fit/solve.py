@@ -18,7 +18,7 @@ from geoerr.fit.free_directions import held_smallest
 from geoerr.fit.gross_rows import Neighbours, gross_limit, robust_scale
 from geoerr.fit.sightings import Numbers, Sightings
 from geoerr.fit.start import first_frame_column, planes_of_circles
-from geoerr.fit.triangles import Known, Triangles
+from geoerr.fit.triangles import Known, Triangles, holding
 
 # A correction smaller than this share of its standard error changes no digit that anybody reads.
 _SETTLED = 1e-4
@@ -355,7 +355,7 @@ def _gauss_newton(
         if prior is not None:
             gradient -= prior.T @ _held(problem, state, prior)
         solution, step = _step_inside(triangle, unheld, gradient, state, ranges, limits, threads)
-        spread = np.sqrt((solution.covariance_root**2).sum(axis=1))
+        spread = solution.spread
         shares = np.abs(step) / np.where(spread > 0.0, spread, np.inf)
         longest = factor = 1.0 if ranges is None else ranges.share_inside(state, step)
         while True:
@@ -425,7 +425,7 @@ def _step_inside(
     leaving = ranges.lost(state, solution) | ranges.leaving(state, step)
     while leaving.any():
         stays |= leaving
-        solution = triangle.solve(np.eye(len(step))[ranges.column[stays]], threads)
+        solution = triangle.solve(holding(ranges.column[stays], len(step)), threads)
         step = held_smallest(solution.step(gradient), solution.null_space, limits)
         step[ranges.column[stays]] = 0.0
         leaving = ranges.leaving(state, step) & ~stays

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,13 @@ from geoerr.fit.sightings import Numbers
 
 # A column of the products is this many times its share of a triangle.
 _COST_OF_A_COLUMN = 16
+
+
+def holding(columns: Sequence[int] | np.ndarray, n_columns: int) -> Numbers:
+    """Give rows C (k, n_columns), C x = 0, that hold one unknown each."""
+    rows = np.zeros((len(columns), n_columns))
+    rows[np.arange(len(columns)), columns] = 1.0
+    return rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,6 +41,27 @@ pub trait Design: Sync {
     /// The design's own; of several blocks' errors the first block's is reported.
     fn fill(&self, rows: Range<usize>, block: &mut Matrix) -> Result<(), Self::Error>;
 
+    /// Writes some columns of rows `rows` of `[A | b]`, those of b after those of A, into `block`, which holds zeros.
+    ///
+    /// # Errors
+    /// The design's own.
+    fn fill_columns(
+        &self,
+        rows: Range<usize>,
+        columns: &[usize],
+        block: &mut Matrix,
+    ) -> Result<(), Self::Error> {
+        let mut whole = Matrix::zeros(rows.len(), self.n_columns() + self.n_rhs());
+        self.fill(rows, &mut whole)?;
+        *block = whole.with_columns(columns.iter().copied());
+        Ok(())
+    }
+
+    /// The norms that columns of A count with where these are not their own, as of a part of what the rows tell.
+    fn norms(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// `[A | b]ᵀ [A | b]`, both triangles, where the design knows a shorter way to it than through its rows; not finite
     /// where an entry is not.
     fn gram(&self) -> Option<Matrix> {

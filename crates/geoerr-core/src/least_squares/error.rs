@@ -42,6 +42,12 @@ pub enum LeastSquaresError {
         /// The offending block.
         index: usize,
     },
+    /// An unknown of one group of rows that something else has or holds, too.
+    #[error("column {column} belongs to one group of rows, and nothing else may have or hold it")]
+    NotOwn {
+        /// Column of the whole system.
+        column: usize,
+    },
     /// A tolerance outside [0, 1).
     #[error("a tolerance of {tolerance} is not in the range from 0 to below 1")]
     Tolerance {

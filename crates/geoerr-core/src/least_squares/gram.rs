@@ -150,9 +150,14 @@ fn is_proven(step: f64, unknowns: f64, reach: f64, condition: f64) -> bool {
 
 const CORRECTION_ROOM: f64 = 100.0;
 
-/// The Gram matrix of the first n columns brought to norm 1, and the norms that they had.
-pub(super) fn scaled_gram(gram: &Matrix, n: usize) -> Result<(Matrix, Vec<f64>), LeastSquaresError> {
-    let scale = scales((0..n).map(|column| gram[(column, column)].sqrt()))?;
+/// The Gram matrix of the first n columns brought to norm 1, and the norms that they had; or by other norms.
+pub(super) fn scaled_gram(
+    gram: &Matrix,
+    n: usize,
+    norms: Option<&[f64]>,
+) -> Result<(Matrix, Vec<f64>), LeastSquaresError> {
+    let own = |column: usize| gram[(column, column)].sqrt();
+    let scale = scales((0..n).map(|column| norms.map_or_else(|| own(column), |norms| norms[column])))?;
     let mut scaled = Matrix::from_fn(n, n, |row, column| gram[(row, column)] / scale[row]);
     divide_columns(&mut scaled, &scale);
     Ok((scaled, scale))
@@ -165,7 +170,7 @@ fn factored<D: Design + ?Sized>(
     options: &Options,
 ) -> Result<Option<(Reduced, f64)>, LeastSquaresError> {
     let (n, k) = (design.n_columns(), design.n_rhs());
-    let (mut scaled, scale) = scaled_gram(gram, n)?;
+    let (mut scaled, scale) = scaled_gram(gram, n, None)?;
     let mut right = Matrix::from_fn(n, k, |row, rhs| gram[(row, n + rhs)] / scale[row]);
     let basis = options.restriction.basis(&scale)?;
     if let Some(basis) = &basis {

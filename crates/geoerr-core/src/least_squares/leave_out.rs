@@ -29,8 +29,10 @@ use super::definite::Definite;
 use super::dense;
 use super::error::LeastSquaresError;
 use super::gram::CONDITION_LIMIT;
+use super::leave_out_bordered::Bordered;
 use super::leave_out_tall::Tall;
 use super::matrix::Matrix;
+use super::root::Root;
 use super::solution::Solution;
 
 /// An eigenvalue of H above 1 minus this, or minus what rounding of F may change: the rest does not determine the block.
@@ -63,7 +65,7 @@ impl LeftOut {
         Self { residual, held_out, is_determined: vec![false], prediction_variance: vec![f64::NAN] }
     }
 
-    fn append(&mut self, mut other: Self) {
+    pub(super) fn append(&mut self, mut other: Self) {
         self.residual.append(&mut other.residual);
         self.held_out.append(&mut other.held_out);
         self.is_determined.append(&mut other.is_determined);
@@ -103,13 +105,78 @@ pub fn leave_blocks_out_of_residuals<D: Design + ?Sized>(
     own: &[usize],
     weights: Option<&[f64]>,
 ) -> Result<LeftOut, D::Error> {
+    check_lengths(blocks, own, weights)?;
+    left_out(design, solution, blocks, 0, None, own, weights)
+}
+
+/// The same for a solution of a bordered system ([`BorderedTriangle::solve`](super::BorderedTriangle::solve)), at a cost that
+/// grows with the rows. `group` (rows) is the group of each row; rows of one stand together in every block.
+///
+/// # Errors
+/// As [`leave_blocks_out_of_residuals`], and where the solution is none of a bordered system.
+pub fn leave_bordered_blocks_out<D: Design + ?Sized>(
+    design: &D,
+    solution: &Solution,
+    group: &[usize],
+    blocks: &Blocks,
+    own: &[usize],
+    weights: Option<&[f64]>,
+) -> Result<LeftOut, D::Error> {
+    check_lengths(blocks, own, weights)?;
+    check_system(design, solution, blocks, 0)?;
+    let n_groups = match &solution.root {
+        Root::Bordered(root) => root.groups.len(),
+        Root::Whole(_) => 0,
+    };
+    if let Some(&found) = group.iter().find(|&&group| group >= n_groups) {
+        return Err(LeastSquaresError::RowsDiffer { expected: n_groups, found }.into());
+    }
+    if group.len() != blocks.n_rows() {
+        return Err(LeastSquaresError::RowsDiffer { expected: blocks.n_rows(), found: group.len() }.into());
+    }
+    let Root::Bordered(root) = &solution.root else { return Ok(LeftOut::default()) };
+    Bordered { design, root, group, limit: limit_at(error_of_sums(solution)), weights }.left_out(blocks, own)
+}
+
+fn check_lengths(blocks: &Blocks, own: &[usize], weights: Option<&[f64]>) -> Result<(), LeastSquaresError> {
     let n_weights = weights.map_or(blocks.n_rows(), <[f64]>::len);
     for (expected, found) in [(blocks.len(), own.len()), (blocks.n_rows(), n_weights)] {
         if expected != found {
-            return Err(LeastSquaresError::RowsDiffer { expected, found }.into());
+            return Err(LeastSquaresError::RowsDiffer { expected, found });
         }
     }
-    left_out(design, solution, blocks, 0, None, own, weights)
+    Ok(())
+}
+
+fn check_system<D: Design + ?Sized>(
+    design: &D,
+    solution: &Solution,
+    blocks: &Blocks,
+    rhs: usize,
+) -> Result<(), LeastSquaresError> {
+    let n_columns = solution.scale.len();
+    if design.n_columns() != n_columns {
+        let (expected, found) = (n_columns, design.n_columns());
+        return Err(LeastSquaresError::ColumnsDiffer { expected, found });
+    }
+    if design.n_rows() != blocks.n_rows() {
+        let (expected, found) = (design.n_rows(), blocks.n_rows());
+        return Err(LeastSquaresError::RowsDiffer { expected, found });
+    }
+    if rhs >= design.n_rhs() {
+        return Err(LeastSquaresError::NoSuchRightHandSide { index: rhs, n_rhs: design.n_rhs() });
+    }
+    Ok(())
+}
+
+/// From which eigenvalue on the rest determines nothing, by the relative error of F.
+fn limit_at(error: f64) -> f64 {
+    1.0 - NOT_DETERMINED.max(ERRORS_OF_ROOT * error)
+}
+
+/// The relative error of sums of products of the rows with F.
+fn error_of_sums(solution: &Solution) -> f64 {
+    solution.root_error.max(solution.condition * solution.condition * f64::EPSILON)
 }
 
 fn left_out<D: Design + ?Sized>(
@@ -121,42 +188,31 @@ fn left_out<D: Design + ?Sized>(
     own: &[usize],
     weights: Option<&[f64]>,
 ) -> Result<LeftOut, D::Error> {
+    check_system(design, solution, blocks, rhs)?;
     let n_columns = solution.scale.len();
-    if design.n_columns() != n_columns {
-        let (expected, found) = (n_columns, design.n_columns());
-        return Err(LeastSquaresError::ColumnsDiffer { expected, found }.into());
-    }
-    if design.n_rows() != blocks.n_rows() {
-        let (expected, found) = (design.n_rows(), blocks.n_rows());
-        return Err(LeastSquaresError::RowsDiffer { expected, found }.into());
-    }
-    if rhs >= design.n_rhs() {
-        return Err(LeastSquaresError::NoSuchRightHandSide { index: rhs, n_rhs: design.n_rhs() }.into());
-    }
-    let limit_at = |error: f64| 1.0 - NOT_DETERMINED.max(ERRORS_OF_ROOT * error);
+    let root = &*solution.root.to_matrix();
     let limit = limit_at(solution.root_error);
     let groups = grouped(blocks);
     let spares = Spares::default();
     let x = x.map(|x| Matrix::from_column(x.to_vec()));
     let is_well_conditioned = solution.condition < CONDITION_LIMIT;
-    let error_of_sums = solution.root_error.max(solution.condition * solution.condition * f64::EPSILON);
     let tall = Tall {
         design,
         spares: &spares,
-        root: &solution.root,
+        root,
         rhs,
         x: x.as_ref(),
-        limit: limit_at(error_of_sums),
+        limit: limit_at(error_of_sums(solution)),
         weights,
     };
     let of_group = |group: &Range<usize>| -> Result<LeftOut, D::Error> {
         let rows = blocks.rows(group.start).start..blocks.rows(group.end - 1).end;
-        if is_well_conditioned && rows.len() > ROWS_AT_ONCE.max(solution.root.n_columns()) {
+        if is_well_conditioned && rows.len() > ROWS_AT_ONCE.max(root.n_columns()) {
             return tall.left_out(rows, own[group.start]);
         }
         spares.with_block(design, rows.clone(), |made| {
             check_finite(made, rows.start)?;
-            let w = dense::leading_product(made, &solution.root);
+            let w = dense::leading_product(made, root);
             let residual = residuals(made, n_columns + rhs, x.as_ref());
             let mut result = LeftOut::default();
             for block in group.clone() {

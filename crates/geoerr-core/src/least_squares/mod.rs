@@ -5,11 +5,14 @@
 //! bytes do not depend on the number of threads.
 
 mod blocks;
+mod bordered;
+mod bordered_root;
 mod definite;
 mod dense;
 mod error;
 mod gram;
 mod leave_out;
+mod leave_out_bordered;
 mod leave_out_tall;
 mod matrix;
 mod null_space;
@@ -19,18 +22,20 @@ mod quick_triangle;
 mod rank;
 mod registers;
 mod restriction;
+mod root;
 mod row_design;
 mod solution;
 mod strided;
 mod triangle;
 
 pub use blocks::{Blocks, Design, FnDesign, StoredDesign, Sums, design_fn};
+pub use bordered::{Border, BorderedTriangle, Group};
 pub use definite::Definite;
 pub use dense::{add_lower_outer, add_lower_product, set_rows_times_upper, symmetric_eigen};
 pub(crate) use dense::{lower_gram, product, transposed_product};
 pub use error::LeastSquaresError;
 pub use gram::{CONDITION_LIMIT, Fit, Method, fit, residual_products};
-pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals};
+pub use leave_out::{LeftOut, leave_blocks_out, leave_blocks_out_of_residuals, leave_bordered_blocks_out};
 pub use matrix::Matrix;
 pub use orthonormal::{orthonormal, orthonormalizing};
 pub use products::{

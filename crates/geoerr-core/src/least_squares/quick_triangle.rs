@@ -60,7 +60,9 @@ impl Triangle {
         {
             return Ok(Self { n_rows, n_columns, whole, norms });
         }
-        Self::of(design)
+        let triangle = Self::of(design)?;
+        let norms = design.norms().map(<[f64]>::to_vec).or(triangle.norms);
+        Ok(Self { norms, ..triangle })
     }
 }
 
@@ -82,7 +84,7 @@ fn from_gram<D: Design + ?Sized>(
     if gram.first_non_finite().is_some() || (0..n).any(|column| gram[(column, column)] < LEAST_SQUARE) {
         return Ok(None);
     }
-    let (unit, scale) = scaled_gram(&gram, n)?;
+    let (unit, scale) = scaled_gram(&gram, n, design.norms())?;
     let well_conditioned = |matrix: Matrix| {
         cholesky_with_condition(matrix).filter(|(_, condition)| *condition < CONDITION_LIMIT)
     };
@@ -98,7 +100,8 @@ fn from_gram<D: Design + ?Sized>(
     for (column, scale) in scale.iter().enumerate() {
         triangle.column_mut(column).iter_mut().for_each(|value| *value *= scale);
     }
-    Ok(Some((triangle, is_held.then_some(scale))))
+    let is_other = is_held || design.norms().is_some();
+    Ok(Some((triangle, is_other.then_some(scale))))
 }
 
 /// A scaled Gram matrix with what rows of the constraints, each of norm 1 in scaled unknowns, add to it; `None` without any.

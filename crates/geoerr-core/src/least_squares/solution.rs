@@ -22,6 +22,8 @@
 //! `tests/least_squares/` of this crate: nalgebra's SVD, known null spaces, Monte-Carlo of the covariance, refits, NIST's
 //! certified values. `tests/least_squares/` of the project: NumPy, and mpmath with 60 digits.
 
+use std::borrow::Cow;
+
 use serde::{Deserialize, Serialize};
 
 use super::dense;
@@ -30,6 +32,7 @@ use super::matrix::{Matrix, norm};
 use super::null_space::readable;
 use super::rank::{RankDecision, decide, surely_kept};
 use super::restriction::Restriction;
+use super::root::Root;
 use super::triangle::Triangle;
 
 /// How a triangle is solved.
@@ -69,11 +72,11 @@ pub struct Solution {
     /// What is not determined (n, d), in the caller's units, reduced echelon form with 1 the largest entry.
     pub null_space: Matrix,
     pub(super) scale: Vec<f64>,
-    pub(super) root: Matrix,
+    pub(super) root: Root,
     /// What `root` may be wrong by, relatively: ε times the condition, or its square.
     pub(super) root_error: f64,
-    null_scaled: Matrix,
-    noise: f64,
+    pub(super) null_scaled: Matrix,
+    pub(super) noise: f64,
 }
 
 /// A linear function of the unknowns.
@@ -251,7 +254,7 @@ impl Reduced {
                 *sum += rest * rest;
             }
         }
-        let noise = (NOISE_OF_NULL_VECTORS * condition * f64::EPSILON).clamp(1e-9, 1e-3);
+        let noise = noise_of(condition);
         let null_scaled = in_scaled(parts.null);
         let n = self.scale.len();
         let mixes = |row: usize| {
@@ -268,7 +271,7 @@ impl Reduced {
             singular_values,
             is_determined: (0..n).map(|row| mixes(row) <= noise).collect(),
             null_space: readable(&null_scaled, &self.scale, noise),
-            root: in_units(parts.root),
+            root: Root::Whole(in_units(parts.root)),
             root_error: condition * f64::EPSILON,
             null_scaled,
             noise,
@@ -279,6 +282,11 @@ impl Reduced {
 
 /// A null vector is wrong by about ε times the condition of what is kept; this leaves room for dimensions.
 const NOISE_OF_NULL_VECTORS: f64 = 1e3;
+
+/// Entries of null vectors, of norm 1 in scaled unknowns, below this are 0.
+pub(super) fn noise_of(condition: f64) -> f64 {
+    (NOISE_OF_NULL_VECTORS * condition * f64::EPSILON).clamp(1e-9, 1e-3)
+}
 
 struct Parts {
     z: Matrix,
@@ -295,9 +303,19 @@ fn inverse_if_finite(triangle: &Matrix) -> Option<Matrix> {
     Some(dense::upper_inverse(triangle)).filter(|inverse| inverse.first_non_finite().is_none())
 }
 
-/// Largest singular value of a triangle by power iteration, from below.
+/// Largest singular value of a triangle, from below.
 fn largest_singular(triangle: &Matrix) -> f64 {
-    let n = triangle.n_columns();
+    let times = |vector: &Matrix| dense::product(triangle, vector);
+    largest_singular_of(triangle.n_columns(), &times, &|image| dense::transposed_product(triangle, image))
+}
+
+/// Largest singular value of a matrix with n columns by power iteration, from below; of its products with vectors, and of
+/// those of its transpose.
+pub(super) fn largest_singular_of(
+    n: usize,
+    times: &impl Fn(&Matrix) -> Matrix,
+    transposed_times: &impl Fn(&Matrix) -> Matrix,
+) -> f64 {
     // A start without symmetry, so that no singular vector of a structured triangle is orthogonal to it.
     let start = |row: usize| 1.0 + 0.5 * (row as f64 * 0.618_033_988_749_895).fract();
     let mut vector = Matrix::from_column((0..n).map(start).collect());
@@ -308,9 +326,9 @@ fn largest_singular(triangle: &Matrix) -> f64 {
             return value;
         }
         vector.as_mut_slice().iter_mut().for_each(|entry| *entry /= size);
-        let image = dense::product(triangle, &vector);
+        let image = times(&vector);
         value = norm(image.as_slice());
-        vector = dense::transposed_product(triangle, &image);
+        vector = transposed_times(&image);
     }
     value
 }
@@ -320,6 +338,12 @@ const POWER_STEPS: usize = 12;
 impl Solution {
     fn n(&self) -> usize {
         self.scale.len()
+    }
+
+    /// Whether it is one of a bordered system.
+    #[must_use]
+    pub fn is_bordered(&self) -> bool {
+        matches!(self.root, Root::Bordered(_))
     }
 
     fn check(&self, length: usize) -> Result<(), LeastSquaresError> {
@@ -336,7 +360,7 @@ impl Solution {
     /// not: [`functional`](Self::functional).
     #[must_use]
     pub fn covariance(&self) -> Matrix {
-        let mut result = dense::gram(&self.root.transposed());
+        let mut result = dense::gram(&self.root.to_matrix().transposed());
         for (index, _) in self.is_determined.iter().enumerate().filter(|(_, is_determined)| !**is_determined)
         {
             result.column_mut(index).fill(f64::NAN);
@@ -348,18 +372,31 @@ impl Solution {
     /// Standard errors of the unknowns for residuals of variance 1; NaN where not determined.
     #[must_use]
     pub fn standard_errors(&self) -> Vec<f64> {
-        let of = |row: usize| {
-            let row: Vec<f64> = (0..self.root.n_columns()).map(|j| self.root[(row, j)]).collect();
-            norm(&row)
-        };
-        let errors = self.is_determined.iter().enumerate();
-        errors.map(|(row, &is_determined)| if is_determined { of(row) } else { f64::NAN }).collect()
+        let errors = self.spread().into_iter().zip(&self.is_determined);
+        errors.map(|(error, &is_determined)| if is_determined { error } else { f64::NAN }).collect()
+    }
+
+    /// The same, of what is not determined as `F` below has it.
+    #[must_use]
+    pub fn spread(&self) -> Vec<f64> {
+        self.root.row_norms()
     }
 
     /// A root F (n, rank) of the unscaled covariance: `F Fᵀ = (AᵀA)⁺` in the restriction.
     #[must_use]
-    pub fn covariance_root(&self) -> &Matrix {
-        &self.root
+    pub fn covariance_root(&self) -> Cow<'_, Matrix> {
+        self.root.to_matrix()
+    }
+
+    /// Its first rows: those of so many unknowns.
+    ///
+    /// # Errors
+    /// [`LeastSquaresError::RowsDiffer`] for more than there are.
+    pub fn covariance_root_of_first(&self, count: usize) -> Result<Matrix, LeastSquaresError> {
+        if count > self.n() {
+            return Err(LeastSquaresError::RowsDiffer { expected: self.n(), found: count });
+        }
+        Ok(self.root.first_rows(count))
     }
 
     /// Whether the data and the restriction determine `cᵀx`: c is orthogonal to what they do not.
@@ -382,7 +419,7 @@ impl Solution {
         if !self.is_estimable(c)? {
             return Ok(None);
         }
-        let along = dense::transposed_product(&self.root, &Matrix::from_column(c.to_vec()));
+        let along = dense::transposed_product(&self.root.to_matrix(), &Matrix::from_column(c.to_vec()));
         let size = norm(along.as_slice());
         let value = c.iter().zip(x).map(|(c, x)| c * x).sum();
         Ok(Some(Functional { value, variance: size * size }))
@@ -404,8 +441,7 @@ impl Solution {
     /// [`LeastSquaresError::RowsDiffer`] for a vector of another length.
     pub fn solve_normal(&self, atr: &[f64]) -> Result<Vec<f64>, LeastSquaresError> {
         self.check(atr.len())?;
-        let along = dense::transposed_product(&self.root, &Matrix::from_column(atr.to_vec()));
-        Ok(dense::product(&self.root, &along).into_values())
+        Ok(self.root.times_transposed_times(atr))
     }
 
     /// By how much the sum of squared residuals grows when `functionals` (n, q) of x are all held at 0.
@@ -426,7 +462,7 @@ impl Solution {
                 return Ok(None);
             }
         }
-        let mut along = dense::transposed_product(&self.root, functionals);
+        let mut along = dense::transposed_product(&self.root.to_matrix(), functionals);
         let spread = dense::triangle(&mut along);
         let q = functionals.n_columns();
         let sizes = (0..q).map(|column| norm(spread.column(column)));

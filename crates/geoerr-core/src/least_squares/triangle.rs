@@ -18,7 +18,7 @@ pub struct Triangle {
     pub(super) n_columns: usize,
     /// Of `[A | b]` as one matrix: R, Qᵀb beside it, below that the triangle of what is left of b.
     pub(super) whole: Matrix,
-    /// Norms of the columns of A, where rows that only hold a restriction are part of `whole`.
+    /// Norms of the columns of A, where `whole` has others: with rows that only hold a restriction, or of a part of A.
     pub(super) norms: Option<Vec<f64>>,
 }
 

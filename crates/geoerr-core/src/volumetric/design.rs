@@ -86,6 +86,18 @@ impl<'a> WhitenedDesign<'a> {
         Ok(Self { block, whitened, row_scale, order, gram: None, begun: None, kept: None })
     }
 
+    /// The same design with its sightings in another order.
+    ///
+    /// # Errors
+    /// [`VolumetricError::Length`] where the order names sightings that there are not.
+    pub fn ordered(self, order: Vec<usize>) -> Result<Self, VolumetricError> {
+        let needed = self.row_scale.len();
+        match order.iter().find(|&&row| row >= needed) {
+            Some(&found) => Err(VolumetricError::Length { what: "order", found, needed }),
+            None => Ok(Self { order, ..self }),
+        }
+    }
+
     /// `AᵀA`, from the entries that are not 0; of a system in its own order.
     #[must_use]
     pub fn own_gram(&self) -> Matrix {
@@ -193,6 +205,25 @@ impl Design for WhitenedDesign<'_> {
             for (out, value) in rhs.iter_mut().zip(sightings.iter().flat_map(|&row| whitened[row])) {
                 *out = value;
             }
+        }
+        Ok(())
+    }
+
+    fn fill_columns(
+        &self,
+        rows: Range<usize>,
+        columns: &[usize],
+        block: &mut Matrix,
+    ) -> Result<(), VolumetricError> {
+        let (sightings, n) = (self.sightings(rows), self.n_columns());
+        let of_residuals = columns.iter().position(|&column| column == n);
+        let own = &columns[..of_residuals.unwrap_or(columns.len())];
+        if !own.is_empty() {
+            self.block.fill_columns(sightings, own, self.row_scale, block.as_mut_slice());
+        }
+        if let (Some(at), Some(whitened)) = (of_residuals, &self.whitened) {
+            let numbers = sightings.iter().flat_map(|&row| whitened[row]);
+            block.column_mut(at).iter_mut().zip(numbers).for_each(|(out, value)| *out = value);
         }
         Ok(())
     }

@@ -27,6 +27,22 @@ impl Block<'_> {
         });
     }
 
+    /// The same of some columns, in the order given: `3 · rows` numbers each.
+    pub fn fill_columns(&self, rows: &[usize], columns: &[usize], row_scale: &[f64], out: &mut [f64]) {
+        let height = NUMBERS_OF_A_ROW * rows.len();
+        let mut place = vec![None; self.n_columns()];
+        columns.iter().enumerate().for_each(|(k, &column)| place[column] = Some(k));
+        let is_wanted = |columns: Range<usize>| place[columns].iter().any(Option::is_some);
+        self.each_run_where(rows, row_scale, is_wanted, |first, at, direction, values| {
+            for (value, k) in values.iter().zip(&place[first..]) {
+                if let Some(k) = k {
+                    let entry = &mut out[k * height + NUMBERS_OF_A_ROW * at..][..NUMBERS_OF_A_ROW];
+                    entry.iter_mut().zip(direction).for_each(|(entry, along)| *entry += along * value);
+                }
+            }
+        });
+    }
+
     /// `Aᵀ r` of the whitened design with whitened residuals, both multiplied by `row_scale`.
     pub fn gradient(&self, whitened: &[[f64; 3]], row_scale: &[f64]) -> Vec<f64> {
         let rows: Vec<usize> = (0..whitened.len()).collect();

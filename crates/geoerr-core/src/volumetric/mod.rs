@@ -16,6 +16,7 @@
 //! triangle serves all iterations ([`Problem`]).
 
 mod block;
+mod by_session;
 mod design;
 mod design_products;
 mod ends;
@@ -30,6 +31,7 @@ mod term;
 mod values;
 
 pub use block::Block;
+pub use by_session::BySession;
 pub use design::WhitenedDesign;
 pub use frame::Frame;
 pub use kept_sums::KeptSums;

@@ -175,6 +175,11 @@ impl Problem {
         self.first_shared_column
     }
 
+    /// Number of sessions.
+    pub fn n_sessions(&self) -> usize {
+        self.first_frame_column.len()
+    }
+
     /// Session of each row.
     pub fn session(&self) -> &[usize] {
         &self.sightings.session

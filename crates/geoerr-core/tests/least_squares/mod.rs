@@ -1,5 +1,6 @@
 //! Least squares against nalgebra, against what is known in closed form, and against itself.
 
+mod bordered;
 mod common;
 mod identities;
 mod leave_out;

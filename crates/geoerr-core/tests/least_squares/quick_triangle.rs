@@ -62,7 +62,7 @@ fn rank_covariance_steps_and_null_space_are_those_of_qr() {
         assert_eq!((quick.rank.rank, qr.rank.rank), (6, 6));
         assert_eq!(quick.is_determined, qr.is_determined);
         let covariances = [&quick, &qr].map(|one| {
-            let root = to_nalgebra(one.covariance_root());
+            let root = to_nalgebra(&one.covariance_root());
             &root * root.transpose()
         });
         let relative = (&covariances[0] - &covariances[1]).norm() / covariances[1].norm();
@@ -141,7 +141,7 @@ fn what_constraints_fix_needs_no_eigenvectors() {
             let steps = [&quick, &qr].map(|one| one.solve_normal(gradient.as_slice()).unwrap());
             assert!(difference(&steps[0], &steps[1]) < 1e-9 * largest(steps[1].iter().copied()));
             let covariances = [&quick, &qr].map(|one| {
-                let root = to_nalgebra(one.covariance_root());
+                let root = to_nalgebra(&one.covariance_root());
                 &root * root.transpose()
             });
             assert!((&covariances[0] - &covariances[1]).norm() < 1e-9 * covariances[1].norm());

@@ -1,15 +1,20 @@
 //! The problem of fitting: residuals, derivatives, what is left out by turns.
 
 use geoerr_core::kinematics::Pose;
-use geoerr_core::least_squares::{Triangle, leave_blocks_out_of_residuals};
-use geoerr_core::volumetric::{Frame, KeptSums, Problem, Sightings, State, WhitenedDesign};
+use geoerr_core::least_squares::{
+    BorderedTriangle, LeftOut, Matrix, Solution, Triangle, leave_blocks_out_of_residuals,
+    leave_bordered_blocks_out,
+};
+use geoerr_core::volumetric::{
+    BySession, Frame, KeptSums, Problem, Sightings, State, VolumetricError, WhitenedDesign,
+};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
-use super::solution::{PRACTICAL_RANK, PyFitSolution, PyFitTriangle, matrix_of};
+use super::solution::{Left, PRACTICAL_RANK, PyFitSolution, PyFitTriangle, matrix_of};
 use super::state::PyFitState;
 use crate::arrays::{from_numbers, from_rows, matrices, numbers, rows};
 use crate::core_door::enter_core;
@@ -188,7 +193,8 @@ impl PyFitProblem {
 
     /// The triangle of the whitened design at a state, for solutions x with `C x = 0`: C (k, n) the `constraints`.
     /// `prior` (p, n) are further rows that hold unknowns near 0. `known` is where to begin: a triangle with the same
-    /// rows and `row_scale`, and for each column (n,) where the same one is in it; -1 for one that is not.
+    /// rows and `row_scale`, and for each column (n,) where the same one is in it; -1 for one that is not; it is not asked
+    /// where most unknowns are those of sessions.
     #[expect(clippy::too_many_arguments, reason = "the Python side passes each of them by position")]
     #[pyo3(signature = (state, row_scale, constraints, prior, threads, known=None))]
     fn triangle<'py>(
@@ -205,9 +211,15 @@ impl PyFitProblem {
         let row_scale = numbers(&row_scale, "row_scale")?;
         let constraints = matrix_of(&constraints);
         let prior = prior.map(|prior| matrix_of(&prior));
-        let known = known.as_ref().map(|(triangle, places)| (&triangle.gram, places_if_any(places)));
-        let (triangle, gram) = enter_core(py, threads, || {
+        let known = known.as_ref().and_then(|(triangle, places)| match &triangle.left {
+            Left::Whole { gram, .. } => Some((gram, places_if_any(places))),
+            Left::Bordered(_) => None,
+        });
+        let left = enter_core(py, threads, || {
             let design = WhitenedDesign::without_residuals(problem, state, row_scale)?;
+            if let Some(by_session) = problem.by_session(&constraints, prior.as_ref())? {
+                return bordered(design, by_session, &constraints, prior.as_ref());
+            }
             let gram = match known {
                 Some((gram, places)) => design.gram_from(gram, &places)?,
                 None => design.own_gram(),
@@ -217,9 +229,9 @@ impl PyFitProblem {
             if let Some(prior) = &prior {
                 triangle.append(prior)?;
             }
-            Ok::<_, geoerr_core::volumetric::VolumetricError>((triangle, gram))
+            Ok::<_, VolumetricError>(Left::Whole { triangle, gram })
         })?;
-        Ok(PyFitTriangle { triangle, constraints, gram })
+        Ok(PyFitTriangle { left, constraints })
     }
 
     /// `Aᵀ r` (n_columns,) of the whitened design at a state.
@@ -235,7 +247,7 @@ impl PyFitProblem {
         let residuals_mm = rows(&residuals_mm, "residuals_mm")?;
         let row_scale = numbers(&row_scale, "row_scale")?;
         let gradient = enter_core(py, threads, || {
-            Ok::<_, geoerr_core::volumetric::VolumetricError>(
+            Ok::<_, VolumetricError>(
                 problem.blocks(state)?.gradient(&problem.whitened(residuals_mm), row_scale),
             )
         })?;
@@ -257,9 +269,7 @@ impl PyFitProblem {
             return Err(CoreError::shape("a column is one of the unknowns").into());
         }
         let found = enter_core(py, threads, || {
-            Ok::<_, geoerr_core::volumetric::VolumetricError>(
-                problem.blocks(state)?.largest_entries(&columns),
-            )
+            Ok::<_, VolumetricError>(problem.blocks(state)?.largest_entries(&columns))
         })?;
         Ok(match found {
             Ok(largest) => (Some(from_numbers(py, largest)), None),
@@ -291,9 +301,7 @@ impl PyFitProblem {
             return Err(CoreError::shape("the rows of a design must lie within those of the problem").into());
         }
         let products = enter_core(py, threads, || {
-            Ok::<_, geoerr_core::volumetric::VolumetricError>(
-                problem.blocks(state)?.times(&matrix, &rows, row_scale),
-            )
+            Ok::<_, VolumetricError>(problem.blocks(state)?.times(&matrix, &rows, row_scale))
         })?;
         products.into_pyarray(py).reshape([rows.len(), 3, matrix.n_columns()])
     }
@@ -342,6 +350,12 @@ impl PyFitProblem {
         if weights.len() != problem.n_rows() {
             return Err(CoreError::shape("every sighting has three weights").into());
         }
+        if solution.is_bordered() {
+            let by = LeaveOut { order: &order, starts: &starts, own: &own, weights };
+            let left = enter_core(py, threads, || by.sessions(problem, state, solution, residuals_mm))?;
+            let held_out = left.held_out.into_pyarray(py).reshape([order.len(), 3])?;
+            return Ok((held_out, from_numbers(py, left.prediction_variance), left.is_determined, None));
+        }
         let known = known.as_ref().filter(|(sums, _)| sums.order == order && sums.starts == starts);
         let known = known.map(|(sums, places)| (&sums.sums, places_if_any(places)));
         let is_little = 2 * starts.len() * problem.n_columns().pow(2) <= MOST_KEPT;
@@ -359,7 +373,7 @@ impl PyFitProblem {
             }
             let blocks = design.blocks_at(&starts)?;
             let left = leave_blocks_out_of_residuals(&design, solution, &blocks, &own, Some(&in_order))?;
-            Ok::<_, geoerr_core::volumetric::VolumetricError>((left, design.into_kept_sums()))
+            Ok::<_, VolumetricError>((left, design.into_kept_sums()))
         })?;
         let n = left.held_out.len() / 3;
         let held_out = left.held_out.into_pyarray(py).reshape([n, 3])?;
@@ -387,10 +401,69 @@ impl PyFitProblem {
             let mut design = vec![0.0; height * n_columns];
             let rows: Vec<usize> = (first..last).collect();
             problem.blocks(state)?.fill(&rows, row_scale, &mut design);
-            Ok::<_, geoerr_core::volumetric::VolumetricError>(design)
+            Ok::<_, VolumetricError>(design)
         })?;
         // Column by column is what the transpose of NumPy's order is.
         design.into_pyarray(py).reshape([n_columns, height])?.transpose()
+    }
+}
+
+/// The triangle of a design of which most unknowns are those of sessions.
+fn bordered(
+    design: WhitenedDesign<'_>,
+    by_session: BySession,
+    constraints: &Matrix,
+    prior: Option<&Matrix>,
+) -> Result<Left, VolumetricError> {
+    let BySession { order, border } = by_session;
+    let design = design.ordered(order)?;
+    let mut triangle = BorderedTriangle::for_rank_within(&design, border, PRACTICAL_RANK, constraints)?;
+    if let Some(prior) = prior {
+        triangle.append(prior)?;
+    }
+    Ok(Left::Bordered(triangle))
+}
+
+/// Blocks of sightings to leave out, as [`PyFitProblem::leave_out`] is given them.
+struct LeaveOut<'a> {
+    order: &'a [usize],
+    starts: &'a [usize],
+    own: &'a [usize],
+    weights: &'a [[f64; 3]],
+}
+
+impl LeaveOut<'_> {
+    /// Leaves them out of a solution of which most unknowns are those of sessions.
+    fn sessions(
+        &self,
+        problem: &Problem,
+        state: &State,
+        solution: &Solution,
+        residuals_mm: &[[f64; 3]],
+    ) -> Result<LeftOut, VolumetricError> {
+        let session = |place: usize| problem.session().get(self.order[place]).copied();
+        // Places in the order, sessions one after the other within each block.
+        let mut places: Vec<usize> = (0..self.order.len()).collect();
+        let ends = self.starts.iter().copied().skip(1).chain([self.order.len()]);
+        for (&start, end) in self.starts.iter().zip(ends) {
+            if let Some(block) = places.get_mut(start..end) {
+                block.sort_by_key(|&place| session(place));
+            }
+        }
+        let order: Vec<usize> = places.iter().map(|&place| self.order[place]).collect();
+        let group: Vec<usize> =
+            places.iter().filter_map(|&place| session(place)).flat_map(|one| [one; 3]).collect();
+        let weights: Vec<f64> =
+            order.iter().filter_map(|&row| self.weights.get(row)).copied().flatten().collect();
+        let row_scale = vec![1.0; problem.n_rows()];
+        let design = WhitenedDesign::in_order(problem, state, residuals_mm, &row_scale, order)?;
+        let blocks = design.blocks_at(self.starts)?;
+        let left = leave_bordered_blocks_out(&design, solution, &group, &blocks, self.own, Some(&weights))?;
+        let mut held_out = vec![0.0; left.held_out.len()];
+        for (numbers, place) in left.held_out.chunks_exact(3).zip(places) {
+            held_out[3 * place..][..3].copy_from_slice(numbers);
+        }
+        Ok(LeftOut { held_out, ..left })
     }
 }
 

@@ -1,8 +1,11 @@
 //! What a whitened design leaves behind, and its solution.
 
-use geoerr_core::least_squares::{Matrix, Options, Restriction, Solution, Triangle, solve};
+use geoerr_core::least_squares::{
+    BorderedTriangle, LeastSquaresError, Matrix, Options, Restriction, Solution, Triangle, solve,
+};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::arrays::{from_numbers, numbers};
 use crate::core_door::enter_core;
@@ -16,11 +19,31 @@ pub(super) const PRACTICAL_RANK: f64 = 1e-5;
 /// What a whitened design leaves behind.
 #[pyclass(frozen, name = "FitTriangle", module = "geoerr._core")]
 pub struct PyFitTriangle {
-    pub(super) triangle: Triangle,
+    pub(super) left: Left,
     /// Those that every solution keeps (k, n).
     pub(super) constraints: Matrix,
-    /// `AᵀA` of the whitened design.
-    pub(super) gram: Matrix,
+}
+
+/// What is left of all unknowns, with `AᵀA`; or of those that are no session's own, and of these.
+#[derive(Serialize, Deserialize)]
+pub(super) enum Left {
+    Whole { triangle: Triangle, gram: Matrix },
+    Bordered(BorderedTriangle),
+}
+
+impl Left {
+    fn solve(&self, constraints: Matrix) -> Result<Solution, LeastSquaresError> {
+        let triangle = match self {
+            Self::Whole { triangle, .. } => triangle,
+            Self::Bordered(triangle) => return triangle.solve(&constraints, PRACTICAL_RANK),
+        };
+        let restriction = match constraints.n_rows() {
+            0 => Restriction::None,
+            _ => Restriction::Constraints(constraints),
+        };
+        let options = Options { restriction, rank_tolerance: Some(PRACTICAL_RANK), ..Options::default() };
+        solve(triangle, &options)
+    }
 }
 
 pub(super) fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> Matrix {
@@ -28,7 +51,7 @@ pub(super) fn matrix_of(array: &PyReadonlyArray2<'_, f64>) -> Matrix {
     Matrix::from_fn(array.nrows(), array.ncols(), |row, column| array[[row, column]])
 }
 
-pickled!(PyFitTriangle: triangle, constraints, gram);
+pickled!(PyFitTriangle: left, constraints);
 
 #[pymethods]
 impl PyFitTriangle {
@@ -50,9 +73,7 @@ impl PyFitTriangle {
             None => own[(row, column)],
             Some(row) => further[(row, column)],
         });
-        let restriction = if rows.n_rows() == 0 { Restriction::None } else { Restriction::Constraints(rows) };
-        let options = Options { restriction, rank_tolerance: Some(PRACTICAL_RANK), ..Options::default() };
-        let solution = enter_core(py, threads, || solve(&self.triangle, &options))?;
+        let solution = enter_core(py, threads, || self.left.solve(rows))?;
         Ok(PyFitSolution { solution })
     }
 }
@@ -104,7 +125,22 @@ impl PyFitSolution {
     /// F (n, rank) with F Fᵀ the covariance for residuals of variance 1.
     #[getter]
     fn covariance_root<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        from_matrix(py, self.solution.covariance_root())
+        from_matrix(py, &self.solution.covariance_root())
+    }
+
+    /// Its rows of the first `count` unknowns (count, rank).
+    fn covariance_root_of_first<'py>(
+        &self,
+        py: Python<'py>,
+        count: usize,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        from_matrix(py, &self.solution.covariance_root_of_first(count).map_err(CoreError::from)?)
+    }
+
+    /// Standard errors of all unknowns (n,) for residuals of variance 1.
+    #[getter]
+    fn spread<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        from_numbers(py, self.solution.spread())
     }
 
     /// `(AᵀA)⁺ g` for `g = Aᵀ r`: a Gauss-Newton step.
