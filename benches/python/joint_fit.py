@@ -46,10 +46,15 @@ STD_MM = 3e-3
 OFFSETS_MM = np.array([[0.0, 0.0, 0.0], [150.0, 0.0, 80.0], [0.0, 150.0, -60.0]])
 
 
-def measured(machine: Machine, n_points: int, rng: np.random.Generator) -> Observations:
-    """Measure points of a machine whose errors are waves that no spline holds exactly: 30 µm, 60 µrad."""
+def measured(
+    machine: Machine, n_points: int, rng: np.random.Generator, n_sessions: int = 1, n_targets: int = 3
+) -> Observations:
+    """Measure points of a machine whose errors are waves that no spline holds exactly: 30 µm, 60 µrad.
+
+    Sessions have as many points each, in a pose of their own.
+    """
     q = rng.integers(0, N_POSITIONS, (n_points, 3)) * LENGTH_MM / (N_POSITIONS - 1)
-    offset = OFFSETS_MM[rng.integers(0, len(OFFSETS_MM), n_points)]
+    offset = OFFSETS_MM[rng.integers(0, n_targets, n_points)]
     channels = np.zeros((n_points, 30))
     for number, name in enumerate(LINEAR_AND_ANGULAR):
         u = q[:, AXES.index(name[2].lower())] / LENGTH_MM
@@ -58,10 +63,14 @@ def measured(machine: Machine, n_points: int, rng: np.random.Generator) -> Obser
     channels[:, 18:21] = [300e-6, -200e-6, 100e-6]
     carrier = np.full(n_points, CARRIERS.index("relative"), dtype=np.uint8)
     place = _core.chain_positions(machine.chain, "position", carrier, q, offset, machine.tool_offset_mm, channels, 0)
-    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    turn[:, 0] *= np.linalg.det(turn)
-    seen = place @ turn.T + [100.0, -50.0, 700.0] + STD_MM * rng.normal(size=place.shape)
+    session = np.arange(n_points) * n_sessions // n_points
+    turn, _ = np.linalg.qr(rng.normal(size=(n_sessions, 3, 3)))
+    turn[:, :, 0] *= np.linalg.det(turn)[:, None]
+    seen = np.einsum("nij,nj->ni", turn[session], place)
+    seen += [100.0, -50.0, 700.0] + STD_MM * rng.normal(size=place.shape)
     columns: dict[str, Array | list[str]] = {"carrier": ["relative"] * n_points}
+    if n_sessions > 1:
+        columns["session"] = [str(number) for number in session]
     for axis, name in enumerate("xyz"):
         columns |= {name: q[:, axis], f"t{name}": offset[:, axis], f"m{name}": seen[:, axis]}
         columns[f"s{name}"] = np.full(n_points, STD_MM)

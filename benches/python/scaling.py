@@ -66,6 +66,7 @@ _MOST_REPEATS = 25
 _PROGRAM_BYTES = 100_000_000
 # Of the free memory: what one size may be expected to take.
 _MOST_OF_FREE = 0.8
+POINTS_OF_A_SESSION = 20
 MACHINE = Machine("bench", "wZbXYt", {axis: Axis((0.0, joint_fit.LENGTH_MM)) for axis in AXES})
 
 
@@ -99,6 +100,13 @@ def fitted(n: int, _folder: Path) -> Work:
     """Lay out a table of points to the 21 functions, with covariance and rank."""
     measured = joint_fit.measured(MACHINE, n, np.random.default_rng(n))
     return partial(fit_terms, MACHINE, [measured], options=fit_options())
+
+
+def fitted_by_sessions(n: int, _folder: Path) -> Work:
+    """Lay out a table of sessions of few points, each with a pose of its own, to the 21 functions."""
+    rng = np.random.default_rng(n)
+    measured = joint_fit.measured(MACHINE, POINTS_OF_A_SESSION * n, rng, n_sessions=n, n_targets=1)
+    return lambda: fit_terms(MACHINE, [measured], options=fit_options()).held_out
 
 
 def predicted(n: int, _folder: Path) -> Work:
@@ -171,6 +179,7 @@ PATHS = {
     "straightness, trapezoid": Scaled(integrated, "sample", powers(3, 7)),
     "table of points read, .csv": Scaled(table_read, "point", powers(3, 7)),
     "joint fit of 21 functions": Scaled(fitted, "point", powers(3, 7)),
+    "joint fit, 20 points a session": Scaled(fitted_by_sessions, "session", (10, 100, 1000, 5000)),
     "prediction of the full model": Scaled(predicted, "point", powers(3, 7)),
     "ranking of candidates": Scaled(ranked, "point", powers(3, 5)),
     "frames, pictures to table": Scaled(frames_measured, "frame", powers(2, 5)),

@@ -186,8 +186,8 @@ def _of_points(observations: Observations) -> Sightings:
     whitening, is_stated, notes = _whitening(kept, is_measured)
     directions = kept.directions
     frames = tuple(
-        "free" if bool(is_measured[session == number].all(axis=1).any()) else "parallel"
-        for number in range(len(sessions))
+        "free" if has_all else "parallel"
+        for has_all in np.bincount(session, is_measured.all(axis=1), minlength=len(sessions)) > 0.0
     )
     commanded = kept.commanded_mm
     sightings = Sightings(
@@ -219,7 +219,7 @@ def _near_the_others(sightings: Sightings) -> np.ndarray:
     is_near = np.ones(len(sightings), dtype=bool)
     moves = sightings.carrier != CARRIERS.index("base")
     for number in range(len(sightings.sessions)):
-        rows = np.flatnonzero((sightings.session == number) & moves)
+        rows = sightings.rows_of_session(number, moves)
         if len(rows) < 3:
             continue
         travel, offsets = (_farthest_mm(own[rows]) for own in (sightings.commanded_mm, sightings.offset_mm))

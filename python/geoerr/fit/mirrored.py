@@ -35,8 +35,10 @@ def refuse_mirrored(sightings: Sightings, machine: Machine) -> None:
     """
     nominal = nominal_mm(machine, sightings)
     targets = sightings.once("moving_targets", moving_targets)
-    for number, kind in enumerate(sightings.frames):
-        own = [rows for rows in targets if sightings.session[rows[0]] == number]
+    of_sessions: list[list[np.ndarray]] = [[] for _ in sightings.sessions]
+    for rows in targets:
+        of_sessions[sightings.session[rows[0]]].append(rows)
+    for number, (kind, own) in enumerate(zip(sightings.frames, of_sessions, strict=True)):
         if kind not in SEE_POSITIONS or not own:
             continue
         for components in _together(sightings, kind, np.concatenate(own)):

@@ -74,9 +74,9 @@ def moved_targets(sightings: Sightings) -> tuple[MovedTarget, ...]:
     """Find the targets that moved; `sightings.once` keeps them."""
     found: list[MovedTarget] = []
     target = sightings.once("targets", numbers_of_targets)
-    for number, kind in enumerate(sightings.frames):
+    for own, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
         if kind in SEE_POSITIONS:
-            found += _moved_in(sightings, target, np.flatnonzero(sightings.session == number))
+            found += _moved_in(sightings, target, np.arange(own.start, own.stop))
     return tuple(found)
 
 

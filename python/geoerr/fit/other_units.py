@@ -21,13 +21,13 @@ _SOME_TRAVEL = 0.1
 
 def other_units(sightings: Sightings) -> Iterator[str]:
     """Say of each session that was measured in another unit in which one, from how far its targets moved."""
-    for number, name in enumerate(sightings.sessions):
+    for number, (name, own) in enumerate(zip(sightings.sessions, sightings.rows_of_sessions, strict=True)):
         if sightings.frames[number] not in SEE_POSITIONS:
             continue
-        for carrier in np.unique(sightings.carrier[sightings.session == number]):
+        for carrier in np.unique(sightings.carrier[own]):
             if CARRIERS[carrier] == "base":
                 continue
-            rows = (sightings.session == number) & (sightings.carrier == carrier)
+            rows = sightings.rows_of_session(number, sightings.carrier == carrier)
             unit = _unit_of(sightings, rows)
             if unit is not None:
                 yield (
@@ -49,7 +49,7 @@ def places_in_metres(sightings: Sightings, machine: Machine) -> Iterator[str]:
 
 
 def _unit_of(sightings: Sightings, rows: np.ndarray) -> str | None:
-    """Give the unit in which rows (n,) were measured; None where that is millimetres, or cannot be told."""
+    """Give the unit in which rows (k,) were measured; None where that is millimetres, or cannot be told."""
     seen = sightings.is_measured[rows]
     # Rows that have the same components.
     own = (seen == seen[0]).all(axis=1) if len(seen) else np.zeros(0, dtype=bool)

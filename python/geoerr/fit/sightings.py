@@ -243,6 +243,11 @@ class Sightings(KeepsWorkedOut):
         ends = [*self.starts[1:].tolist(), len(self)]
         return [slice(start, end) for start, end in zip(self.starts.tolist(), ends, strict=True)]
 
+    def rows_of_session(self, number: int, among: np.ndarray) -> np.ndarray:
+        """Give the rows of a session, (k,), of those that are `among` (n,): at the cost of its own."""
+        own = slice(*np.searchsorted(self.session, [number, number + 1]).tolist())
+        return np.asarray(np.flatnonzero(among[own]) + own.start)
+
     @property
     def sequences(self) -> Integers:
         """First row of each session that has rows left, (k,): what runs along rows begins anew there."""

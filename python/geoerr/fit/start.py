@@ -92,8 +92,8 @@ def start_frames(nominal: Numbers, sightings: Sightings, static: np.ndarray) -> 
     pivots, along = np.zeros((n_sessions, 3)), np.zeros((n_sessions, 3))
     is_rounded = np.zeros(n_sessions, dtype=bool)
     for number, kind in enumerate(sightings.frames):
-        rows = (sightings.session == number) & ~static
-        if kind == "lengths" or not rows.any():
+        rows = sightings.rows_of_session(number, ~static)
+        if kind == "lengths" or not len(rows):
             continue
         points, measured, seen = nominal[rows], sightings.measured_mm[rows], sightings.is_measured[rows]
         pivots[number] = points.mean(axis=0)
@@ -184,8 +184,8 @@ def refuse_strangers(nominal: Numbers, sightings: Sightings, static: np.ndarray,
         points span; where none of them moves, of what was commanded.
     """
     for number, kind in enumerate(sightings.frames):
-        rows = (sightings.session == number) & ~static
-        if kind not in SEE_POSITIONS or int(rows.sum()) < _FEWEST_STRANGERS:
+        rows = sightings.rows_of_session(number, ~static)
+        if kind not in SEE_POSITIONS or len(rows) < _FEWEST_STRANGERS:
             continue
         seen = sightings.is_measured[rows]
         expected = nominal[rows] @ frames.rotations[number].T + frames.translations_mm[number]
@@ -273,8 +273,8 @@ def planes_of_circles(sightings: Sightings, first_frame_column: int, n_columns: 
     """
     rows = []
     first = first_frame_column
-    for number, kind in enumerate(sightings.frames):
-        points = sightings.commanded_mm[sightings.session == number]
+    for own, kind in zip(sightings.rows_of_sessions, sightings.frames, strict=True):
+        points = sightings.commanded_mm[own]
         if kind == "circle" and len(points):
             _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=len(points) < 3)
             row = np.zeros(n_columns)

@@ -45,10 +45,10 @@ def turned_in_plane(
     rotations, translations = frames.rotations.copy(), frames.translations_mm.copy()
     derivatives: list[Numbers] = []
     for number, kind in enumerate(sightings.frames):
-        own = sightings.session == number
-        seen = sightings.is_measured[own].any(axis=0)
         if kind != "parallel":
             continue
+        own = sightings.session == number
+        seen = sightings.is_measured[own].any(axis=0)
         moving = own & ~static
         moved = sightings.axes_moved(moving)
         if moved.any() and not (moved & seen).any():
