@@ -224,6 +224,14 @@ def test_what_is_commanded_for_the_wrong_side_is_certified_as_that(tmp_path):
     assert path.held_back_um == pytest.approx(15.0, abs=0.1)
 
 
+@pytest.mark.parametrize("centre", ["R", "I0 J"])
+def test_of_an_arc_that_no_machine_has_nothing_is_known(centre, tmp_path):
+    """The square of its radius is no number."""
+    program = tmp_path / "in.gcode"
+    program.write_text(f"G1 X90 Y90 Z5\nG1 X100 Y100\nG2 X110 Y100 {centre}{'9' * 200}\nG1 X109.99\n")
+    assert compare_paths(loose_machine(), program, program).moves_not_compared >= 1
+
+
 def test_words_that_are_too_coarse_for_the_tolerance_are_refused_as_ever():
     """Nothing is left to play then."""
     options = CompensationOptions(digits=2, tolerance_mm=0.005)

@@ -19,6 +19,8 @@ _SAME_MM = 1e-9
 # Each has the place where an axis turns closer by the share of the radius by which it grows in a radian.
 _STEPS_TO_TURN = 4
 _OFFSETS = (b"I", b"J", b"K")
+# No machine has an arc as large, whose squares would be no numbers.
+_LARGEST_MM = 1e12
 # Letters whose words all controllers read alike on the line of an arc.
 _ARC_LETTERS = frozenset((b"X", b"Y", b"Z", b"E", b"F", b"S", *_OFFSETS, b"R"))
 
@@ -162,6 +164,8 @@ def arc_of(
     told = {letter: number for letter, number in words.items() if letter in (*_OFFSETS, b"R")}
     offsets = [told.get(_OFFSETS[axis]) for axis in plane]
     if not words.keys() <= _ARC_LETTERS or None in told.values():
+        return None
+    if any(abs(number) * unit_mm > _LARGEST_MM for number in told.values() if number is not None):
         return None
     has_centre = any(offset is not None for offset in offsets)
     radius = told.get(b"R")
