@@ -8,7 +8,7 @@ takes long: memory that is given back is kept for the next call, as in `results.
 as that does, and its largest sizes are one program over and over in one stream; frames are twelve pairs of small
 pictures over and over. An exponent compares the last two sizes: 1 is proportional, above it cost grows faster than
 size. A size that would not fit into the memory that is free is left out and named. Half an hour; `--quick` takes a
-minute.
+minute. With `--path` the rows of the others stay as an earlier run left them.
 """
 
 from __future__ import annotations
@@ -292,6 +292,24 @@ def rows(name: str, found: Sequence[Taken]) -> list[list[str]]:
     return result
 
 
+def earlier(page: Path) -> dict[str, tuple[list[list[str]], list[str]]]:
+    """Give what a page says of each path: its rows, and what was left out; of none where there is no page."""
+    lines_of_page = page.read_text().splitlines() if page.exists() else []
+    found: dict[str, tuple[list[list[str]], list[str]]] = {}
+    for name in PATHS:
+        own = [line.strip("|").split("|") for line in lines_of_page if line.startswith(f"| {name} |")]
+        left_out = [f"{line}\n" for line in lines_of_page if line.startswith(f"- {name}: ")]
+        if own:
+            found[name] = [[cell.strip() for cell in cells] for cells in own], left_out
+    return found
+
+
+def costs_of(name: str, body: Sequence[Sequence[str]]) -> Costs:
+    """Give the costs that rows tell."""
+    sizes_and_seconds = [(int(row[1].replace(",", "")), float(row[2])) for row in body]
+    return Costs(name, PATHS[name].item, {"geoerr": {size: 1e9 * cpu_s / size for size, cpu_s in sizes_and_seconds}})
+
+
 def main() -> None:
     """Measure and write."""
     if not SETTINGS.items() <= os.environ.items():
@@ -299,7 +317,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="two small sizes of each path")
     parser.add_argument("--to", type=Path, default=FOLDER, help="folder of SCALING.md and scaling.svg")
-    parser.add_argument("--path", nargs="+", choices=sorted(PATHS), default=list(PATHS), help="these paths alone")
+    parser.add_argument(
+        "--path",
+        nargs="+",
+        choices=sorted(PATHS),
+        default=list(PATHS),
+        help="these paths alone, beside what is there of the others",
+    )
     parser.add_argument("--take", nargs=2, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.take:
@@ -310,14 +334,15 @@ def main() -> None:
         parser.error(f"{GCODE}: {programs.why_left_out()}\nor name the other paths with --path")
     arguments.to.mkdir(parents=True, exist_ok=True)
     heads = ["path", "size", "CPU s", "each", "memory, MB", "cost ~ size^", "memory ~ size^"]
-    body, left_out, costs = [], [], []
+    told = {} if arguments.quick else earlier(arguments.to / "SCALING.md")
     for name in arguments.path:
         scaled = PATHS[name]
         found, why = all_taken(name, scaled.sizes[:2] if arguments.quick else scaled.sizes)
-        body += rows(name, found)
-        left_out += [f"- {name}: {why}\n"] if why else []
-        costs.append(Costs(name, scaled.item, {"geoerr": {one.size: 1e9 * one.cpu_s / one.size for one in found}}))
-    plot(costs, arguments.to / "scaling.svg")
+        told[name] = rows(name, found), [f"- {name}: {why}\n"] if why else []
+    told = {name: told[name] for name in PATHS if name in told}
+    body = [row for own, _ in told.values() for row in own]
+    left_out = [line for _, own in told.values() for line in own]
+    plot([costs_of(name, own) for name, (own, _) in told.items()], arguments.to / "scaling.svg")
     conditions = CONDITIONS.format(
         machine=platform.machine(), cores=os.cpu_count(), versions=versions(), long=_LONG_S
     )

@@ -136,3 +136,34 @@ def test_a_folder_that_is_not_there_is_made(
     )
     scaling.main()
     assert "| lines of 50 points | 100 |" in (tmp_path / "new" / "er" / "SCALING.md").read_text()
+
+
+def test_rows_of_paths_that_are_not_asked_for_stay(
+    bench: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    scaling = importlib.import_module("scaling")
+    of_path = {"lines of 50 points": 1e-6, "straightness, trapezoid": 2e-6}
+    monkeypatch.setattr(scaling, "SETTINGS", {})
+    monkeypatch.setattr(
+        scaling,
+        "all_taken",
+        lambda name, sizes: (
+            [scaling.Taken(size, of_path[name] * (size / 10) ** 1.2, 1.0, 1.0) for size in (10, 1000)],
+            f"all of {of_path[name]} left out.",
+        ),
+    )
+    for name in ("straightness, trapezoid", "lines of 50 points"):
+        monkeypatch.setattr(sys, "argv", ["scaling.py", "--path", name, "--to", str(tmp_path)])
+        scaling.main()
+    first = (tmp_path / "SCALING.md").read_text()
+    assert "| straightness, trapezoid | 10 | 2e-06 |" in first
+    assert "- straightness, trapezoid: all of 2e-06 left out." in first
+    of_path["straightness, trapezoid"] = 3e-6
+    monkeypatch.setattr(sys, "argv", ["scaling.py", "--path", "straightness, trapezoid", "--to", str(tmp_path)])
+    scaling.main()
+    second = (tmp_path / "SCALING.md").read_text()
+    assert "| straightness, trapezoid | 10 | 3e-06 |" in second
+    assert "- straightness, trapezoid: all of 3e-06 left out." in second
+    assert [line for line in second.splitlines() if "straight" not in line] == [
+        line for line in first.splitlines() if "straight" not in line
+    ]
