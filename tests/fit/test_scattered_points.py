@@ -19,7 +19,7 @@ def touched(n_points: int, seed: int) -> Observations:
     q = rng.uniform(10.0, LENGTH_MM - 10.0, (n_points, 3)).round(1)
     measured = q + NOISE_MM * rng.normal(size=q.shape)
     measured[1:, 0] -= 0.5 * PLAY_MM * np.sign(np.diff(q[:, 0]))
-    columns: dict[str, object] = {"carrier": ["tool"] * n_points, "t": 20.0 * np.arange(n_points)}
+    columns: dict[str, object] = {"carrier": ["relative"] * n_points, "t": 20.0 * np.arange(n_points)}
     for axis, name in enumerate("xyz"):
         columns |= {name: q[:, axis], f"m{name}": measured[:, axis]}
     return observations_from_columns(columns)
