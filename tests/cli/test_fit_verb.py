@@ -545,7 +545,7 @@ def test_a_model_that_predicts_worse_than_none_says_so(folder: Path) -> None:
     x, y, z = q = rng.uniform(10.0, 290.0, (3, 20)).round(1)
     seen = q + 0.02 * rng.normal(size=q.shape)
     seen[0, 1:] -= 0.04 * np.sign(np.diff(x))
-    columns = {"carrier": ["tool"] * 20, "x": x, "y": y, "z": z, "mx": seen[0], "my": seen[1], "mz": seen[2]}
+    columns = {"carrier": ["relative"] * 20, "x": x, "y": y, "z": z, "mx": seen[0], "my": seen[1], "mz": seen[2]}
     pl.DataFrame(columns).write_csv(folder / "touched.csv")
     told = run(folder, "--components", "12", files=("touched.csv",))
     assert told.exit_code == 0, told.output
