@@ -369,15 +369,12 @@ def _far_commands(
     for axis in _AXES:
         low, high = ranges_mm[axis]
         beyond_mm = pl.max_horizontal(low - pl.col(axis), pl.col(axis) - high)
-        far = frame.filter(beyond_mm > high - low)
-        for row, value in zip(far["file_row"], far[axis], strict=True):
-            yield RowProblem(
-                str(path),
-                row,
-                axis,
-                f"{value:g} mm is farther outside the range of {axis}, {low:g} to {high:g} mm, than that is long: "
-                "correct the row, or state the machine's range as it is",
-            )
+        why = (
+            f" mm is farther outside the range of {axis}, {low:g} to {high:g} mm, than that is long: "
+            "correct the row, or state the machine's range as it is"
+        )
+        for row, value in frame.filter(beyond_mm > high - low).select("file_row", axis).iter_rows():
+            yield RowProblem(str(path), row, axis, f"{value:g}{why}")
 
 
 def _far_targets(
@@ -389,15 +386,10 @@ def _far_targets(
     for name in _OFFSETS:
         if name not in frame.columns:
             continue
-        far = frame.filter(is_read & (pl.col(name).abs() > most_mm))
-        for row, value in zip(far["file_row"], far[name], strict=True):
-            yield RowProblem(
-                str(path),
-                row,
-                name,
-                f"a target {value:g} mm from the tool is on no machine of this size: "
-                "correct the row (offsets are in mm)",
-            )
+        why = " mm from the tool is on no machine of this size: correct the row (offsets are in mm)"
+        is_far = is_read & (pl.col(name).abs() > most_mm)
+        for row, value in frame.filter(is_far).select("file_row", name).iter_rows():
+            yield RowProblem(str(path), row, name, f"a target {value:g}{why}")
 
 
 def read_lengths(path: str | Path) -> Lengths:
